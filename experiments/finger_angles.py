@@ -23,14 +23,15 @@ from s2a.core.config import compose, load
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import run_episodes
 from s2a.learn.rl.policy_file import PolicyFile
 from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks import make_env
-from s2a.tasks.open_part.config import OpenPartMetrics
+from s2a.tasks.env import VecEnv
+from s2a.tasks.mdp.world import Opened
+from s2a.tasks.open_part import OpenPartMetrics
 
 SEED, STEPS, EVERY, OPENING = 7, 2200, 5, 1e-4
 """Of the benchmark; control steps between readings; gain between two readings from which a part opens [m]."""
@@ -54,11 +55,11 @@ class Angles:
         self._step += 1
         if self._step % EVERY:
             return
-        handles = self.env.task.handles
-        pressed, normal = (getattr(handles.p.contacts, name).numpy() for name in ("on_region", "normal"))
+        world = self.env.task.world
+        pressed, normal = (getattr(world.contacts, name).numpy() for name in ("on_region", "normal"))
         lengths = np.maximum(np.linalg.norm(normal, axis=-1).prod(axis=1), 1e-9)
         angle = np.degrees(np.arccos(np.clip((normal[:, 0] * normal[:, 1]).sum(axis=-1) / lengths, -1.0, 1.0)))
-        gained = handles.progress.numpy()[:, 1]
+        gained = world.opened.numpy()[:, Opened.gained]
         self.read.append(np.stack([gained, pressed.min(axis=1), angle], axis=1))
 
 

@@ -15,12 +15,11 @@ from s2a.core.errors import InputError
 from s2a.joints.commands.identify import write_layer
 from s2a.joints.dynamics import Dynamics
 from s2a.joints.pulled import Pulled, moving, pulled
-from s2a.planner.part_plan import Skill, plan, planned_path
-from s2a.planner.trajectory import Trajectory
+from s2a.motion.open import Skill, opening_path, plan, planned_path
+from s2a.motion.trajectory import Trajectory
 from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, read_stage
-from s2a.tasks.open_part.skill import tool_path
 
 SPARE = 2
 """Of each kind, parts that are optimised beyond those asked for, in the place of those that the planner does not open."""
@@ -45,7 +44,7 @@ def planned(
             continue
         settings = settings_of(stage)
         try:
-            target, motion = pull_and_motion(stage, settings, tool_path)
+            target, motion = pull_and_motion(stage, settings, opening_path)
         except InputError as error:
             skipped[name] = str(error).split(": ", 1)[-1]
             continue

@@ -99,7 +99,7 @@ def _both(stage: Any, goal: float, args: argparse.Namespace, row: Row) -> list[s
 def based(stage: Any, settings: Any, row: Row, name: str) -> Any:
     """Return the stage with a base for all of a task; the row notes which, and the seconds."""
     from s2a import robot, tasks
-    from s2a.planner.hold_or_push import ready_to_move
+    from s2a.motion.part_base import ready_to_move
 
     begun = time.perf_counter()
     task = tasks.task(settings.task.name)
@@ -131,8 +131,8 @@ def _episodes(stage: Any, settings: Any, args: argparse.Namespace, row: Row, nam
     """
     from s2a import tasks
     from s2a.learn.evaluate import run_episodes
-    from s2a.planner.motion import Planner
-    from s2a.planner.part_plan import demonstration
+    from s2a.motion.open import demonstration
+    from s2a.motion.policy import Planner
     from s2a.sim.limit_use import LimitUse
     from s2a.sim.simulation import Simulation
     from s2a.tasks import make_env

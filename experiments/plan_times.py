@@ -24,7 +24,7 @@ from s2a import tasks
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.planner.part_plan import demonstration
+from s2a.motion.open import demonstration
 from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import read_stage

@@ -23,7 +23,7 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import evaluate
-from s2a.planner.motion import Planner
+from s2a.motion.policy import Planner
 from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.scene import Scene
 from s2a.scene.usd import geometric, sim_stage

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from s2a.homes.sample.sample import Scan, scan_room, streams
 
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.homes.catalog import Entry, catalog
 from s2a.homes.furnishing import furnish
-from s2a.homes.sample import SampleConfig
+from s2a.homes.sample import SampleConfig, Scan, scan_room, streams
 from s2a.homes.solids import join
 from s2a.scene.articulation import displace, lever_arm
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh

@@ -13,16 +13,16 @@ import warp as wp
 
 from s2a import tasks
 from s2a.commands.evaluate import Config
-from s2a.env.task import Task
-from s2a.env.vec_env import VecEnv
-from s2a.planner import pull_law
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
-from s2a.planner.pull_law import PullLaw
+from s2a.motion import pull_law
+from s2a.motion.policy import Planner
+from s2a.motion.pull_law import PullLaw
+from s2a.motion.settings import PlannerConfig
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
-from s2a.tasks.part_functions import opening_force
-from s2a.tasks.part_handles import PartHandles
+from s2a.tasks.base import Task
+from s2a.tasks.env import VecEnv
+from s2a.tasks.mdp.grasp import opening_force
+from s2a.tasks.mdp.world import World
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Replay:
 
 
 @wp.kernel
-def _add_force(h: PartHandles, steps: float, force: wp.array2d(dtype=float)):
+def _add_force(w: World, steps: float, force: wp.array2d(dtype=float)):
     world = wp.tid()
-    now = opening_force(h.part[world], h.contacts.pull[world, 0]) + opening_force(
-        h.part[world], h.contacts.pull[world, 1]
+    now = opening_force(w.target[world], w.contacts.pull[world, 0]) + opening_force(
+        w.target[world], w.contacts.pull[world, 1]
     )
     force[world, 0] += now / steps
     force[world, 1] = wp.max(force[world, 1], now)
@@ -101,9 +101,7 @@ def _sum_forces(sim: Simulation, task: Task) -> torch.Tensor:
 
     def after_substep(state: object) -> None:
         kernels(state)
-        if type(task).after_substep is Task.after_substep:  # nothing of the task's own reads the contacts
-            task.sensor.update()
-        wp.launch(_add_force, dim=sim.num_envs, inputs=[task.handles.p, float(sim.config.substeps), force])
+        wp.launch(_add_force, dim=sim.num_envs, inputs=[task.world, float(sim.config.substeps), force])
 
     task.after_substep = after_substep
     return wp.to_torch(force)

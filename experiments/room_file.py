@@ -30,7 +30,7 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import evaluate
-from s2a.planner.motion import Planner
+from s2a.motion.policy import Planner
 from s2a.prepare.free_objects import free_objects
 from s2a.prepare.room import ALL, PrepareConfig, prepare
 from s2a.scene.scene import Scene

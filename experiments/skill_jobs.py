@@ -19,7 +19,7 @@ from skill_rooms import DEFAULT, NAMES
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.planner.graspable import Ungraspable
+from s2a.motion.grasps import Ungraspable
 
 SEGMENT = re.compile(r": (grasp|base|place|approach and lift|lowering and retreat|reach|carry|handle)\b")
 """In a planner's refusal: which segment of the plan fails."""

@@ -25,13 +25,13 @@ import torch
 from s2a.commands.train import Config
 from s2a.core import config
 from s2a.core.provenance import provenance
-from s2a.env.vec_env import VecEnv
 from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.ppo import make_runner
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env
+from s2a.tasks.env import VecEnv
 
 STEPS = 200
 WARM_UP = 3

@@ -25,16 +25,16 @@ import warp as wp
 
 from s2a.core import config
 from s2a.core.provenance import provenance
-from s2a.env.vec_env import VecEnv
 from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.ppo import train
 from s2a.learn.rl.run_folder import times
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 from s2a.tasks import make_env
-from s2a.tasks.open_part.config import OpenPartConfig, OpenPartMetrics
+from s2a.tasks.env import VecEnv
+from s2a.tasks.open_part import OpenPartConfig, OpenPartMetrics
 
 STEPS = 200
 WARM_UP = 2

@@ -19,7 +19,7 @@ from s2a.commands.evaluate import Config
 from s2a.core import config
 from s2a.core.progress import track
 from s2a.learn.evaluate import evaluate
-from s2a.planner.motion import Planner
+from s2a.motion.policy import Planner
 from s2a.sim.camera import Camera
 from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env

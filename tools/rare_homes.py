@@ -9,14 +9,12 @@ import argparse
 from collections import Counter
 from dataclasses import replace
 
-from s2a.homes.sample.sample import streams
-
 from s2a.core import config
 from s2a.core.progress import track
 from s2a.homes.catalog import catalog, handle_of, part_truth
 from s2a.homes.commands.pool import Config, rooms_of
 from s2a.homes.furnishing import furnish
-from s2a.homes.sample import SampleConfig
+from s2a.homes.sample import SampleConfig, streams
 
 
 def handles(home: SampleConfig) -> Counter[str | None]:

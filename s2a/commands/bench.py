@@ -17,21 +17,20 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
-from s2a.env import starts
-from s2a.env.task import MdpConfig
-from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import Policy, baseline, by_part, run_episodes
 from s2a.learn.perception.estimate import fused, seen_pool
 from s2a.learn.rl.policy_file import PolicyFile
 from s2a.learn.rl.ppo import load_policy
 from s2a.learn.rl.run_folder import read_world
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.robot.spec import RobotSpec
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage
-from s2a.tasks import MdpSettings, MetricSettings, make_env
+from s2a.tasks import MdpSettings, MetricSettings, make_env, starts
+from s2a.tasks.base import MdpConfig
+from s2a.tasks.env import VecEnv
 
 PLANNER, RANDOM = "planner", "random"
 Actor = Callable[[VecEnv, Sequence[starts.Demonstration]], Policy]
@@ -104,7 +103,7 @@ def run(config: Config) -> str:
         sim = Simulation(stages, config.sim, len(stages) * config.episodes, device)
         env = make_env(sim, task, config.metrics, {}, config.seed + first)
         done = run_episodes(env, act(env, motions[first : first + len(stages)]))
-        for name in (name for name in env.task.METRICS if name not in env.task.VALUES):
+        for name in env.task.RESULTS.rates:
             columns.setdefault(name, []).append(_by_stage(done[name], sim.stage_of_env))
     rates = {name: torch.cat(values).numpy() for name, values in columns.items()}
     found = by_part(rates, entries, np.repeat(np.arange(len(entries)), config.episodes), config.seed)
@@ -114,9 +113,10 @@ def run(config: Config) -> str:
         "grasp_error": config.grasp_error,
         "grasp_turn": config.grasp_turn,
     }
+    shown = [name for name in rates if name in env.task.RESULTS.logged[:2]]
     with atomic_write(config.out) as file:
         file.write_text(json.dumps({**about, **found, **provenance(device)}, indent=1))
-    return "\n".join([f"{config.out}: {who}, {config.episodes} episodes a part", *_table(found["over_parts"])])
+    return "\n".join([f"{config.out}: {who}, {config.episodes} episodes a part", *_table(found["over_parts"], shown)])
 
 
 def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
@@ -170,12 +170,12 @@ def _by_stage(values: torch.Tensor, stage: np.ndarray) -> torch.Tensor:
     return values[torch.from_numpy(np.argsort(stage, kind="stable"))]
 
 
-def _table(over_parts: dict[str, Any]) -> list[str]:
-    """Return lines of the rates of opening and grasping, with intervals."""
+def _table(over_parts: dict[str, Any], names: Sequence[str]) -> list[str]:
+    """Return lines of some rates, with intervals."""
     groups = [("all", over_parts["all"])]
     groups += [(f"{by} {name}", row) for by in ("kind", "handle", "room") for name, row in over_parts[by].items()]
-    lines = [f"  {'':24}{'parts':>6}  {'opened':25}grasped"]
+    lines = [f"  {'':24}{'parts':>6}  {''.join(f'{name:25}' for name in names)}".rstrip()]
     for name, row in groups:
-        cells = [f"{r['rate']:6.1%} [{r['low']:.1%}, {r['high']:.1%}]" for r in (row["success"], row["grasp_success"])]
-        lines.append(f"  {name:24}{row['parts']:6}  {cells[0]:25}{cells[1]}")
+        cells = [f"{r['rate']:6.1%} [{r['low']:.1%}, {r['high']:.1%}]" for r in (row[each] for each in names)]
+        lines.append(f"  {name:24}{row['parts']:6}  {''.join(f'{cell:25}' for cell in cells)}".rstrip())
     return lines

@@ -14,14 +14,12 @@ from s2a.core.bounds import Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.env.task import MdpConfig
-from s2a.env.vec_env import VecEnv
 from s2a.learn.collect.episode import ABOUT, FILE, Dataset, read, write
 from s2a.learn.collect.episodes import Collector, temporary
 from s2a.learn.evaluate import Policy
 from s2a.learn.rl.policy_file import PolicyFile
 from s2a.learn.rl.run_folder import world_json
-from s2a.planner.motion import Planner
+from s2a.motion.policy import Planner
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim import pool
 from s2a.sim.recorder import Recorder
@@ -29,6 +27,8 @@ from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.views import Views, ViewsConfig
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env
+from s2a.tasks.base import MdpConfig
+from s2a.tasks.env import VecEnv
 
 Format = Literal["lerobot", "robomimic"]
 PATIENCE = 5

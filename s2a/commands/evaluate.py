@@ -18,17 +18,14 @@ from s2a.core.bounds import Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.env import starts
-from s2a.env.task import Task
-from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import Agent, Policy, baseline, by_part, run_episodes, summary, warn_of_errors
 from s2a.learn.perception.depth_camera import DepthCameraConfig
 from s2a.learn.perception.estimate import seen
 from s2a.learn.rl.policy_file import PolicyFile, export
 from s2a.learn.rl.ppo import load_model, load_policy
 from s2a.learn.rl.run_folder import read_world
-from s2a.planner.hold_or_push import ready_to_move
-from s2a.planner.motion import Planner
+from s2a.motion.part_base import ready_to_move
+from s2a.motion.policy import Planner
 from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
@@ -36,8 +33,10 @@ from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.soft_config import SoftConfig
 from s2a.sim.world import SimStage
-from s2a.tasks import make_env
-from s2a.tasks.pick_place.soft_metrics import SoftMetrics
+from s2a.tasks import make_env, starts
+from s2a.tasks.base import Task
+from s2a.tasks.env import VecEnv
+from s2a.tasks.soft_metrics import SoftMetrics
 from s2a.view.playback import states
 
 
@@ -217,7 +216,7 @@ def run(config: Config) -> str:
         columns = run_episodes(env, policy, watch)
         metrics: dict[str, Any] = {"episodes": env.num_envs, **summary(env, columns)}
         metrics |= {"limit_use": use.fractions(), **origin}
-        names = [name for name in env.task.METRICS if name not in env.task.VALUES]
+        names = list(env.task.RESULTS.rates)
         if pool.is_index(config.stage):
             rates = {name: columns[name].numpy() for name in names}
             metrics |= by_part(rates, pool.read(config.stage), sim.stage_of_env, config.seed)
@@ -226,7 +225,9 @@ def run(config: Config) -> str:
     if config.export and config.checkpoint:
         export(load_model(env, config.checkpoint), config.checkpoint)
     _save(config, sim, album, played.states(columns.get("success")) if played else None, recorder)
-    return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *_lines(metrics, names, env.task.VALUES)])
+    return "\n".join(
+        [f"{config.out}: {metrics['episodes']} episodes", *_lines(metrics, names, list(env.task.RESULTS.values))]
+    )
 
 
 def _save(

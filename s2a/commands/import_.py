@@ -6,40 +6,59 @@ import json
 import logging
 import math
 import shutil
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 
 from s2a import scan as scans
-from s2a.core.bounds import Above, AtLeast
+from s2a.core.bounds import Above, AtLeast, Count
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write, refuse_loss
-from s2a.scan import folder, imported, ply, predicted, urdf_object
+from s2a.core.outputs import atomic_write, refuse_loss, require_png
+from s2a.core.progress import track
+from s2a.scan import folder, imported, ply, predicted, recording, source, urdf_object
 from s2a.scan import predictions as reader
 from s2a.scan.urdf_object import ObjectBox
+from s2a.scene.geometry.camera import write_png
+from s2a.scene.geometry.depth_fusion import DepthFusion, Image, measured_points
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.planes import min_area_rectangle
+from s2a.scene.geometry.room_image import draw
+from s2a.scene.scene import Mesh
 
 _log = logging.getLogger(__name__)
 
 PREDICTED = "predictions.json"
 """By this file a folder is known to be an earlier import of predictions."""
+TRUNCATION = 4.0
+"""Distance behind a measured surface from which on space is unknown [voxel]."""
+MARKS = 100
+"""Frames whose points say where voxels are needed."""
+SEEN = 0.6
+"""Least weight of a voxel, one over the square of its distance for each frame [1/m^2]: two or three frames at 2 m."""
 OVERLAP = 0.5
 """Fraction of the smaller of two masks that both may hold."""
 
 
 @dataclass(frozen=True)
 class Config:
-    """Keys of `s2a import`: mesh, or scan and predictions.
+    """Keys of `s2a import`: mesh, or frames, or scan and predictions.
 
     Attributes:
         mesh: GLB, glTF, OBJ, PLY, USDZ or USD file.
+        labels: file of labelled boxes in the mesh's coordinates, which become objects, or null.
+        frames: folder of a recording of posed depth and colour images.
+        voxel: edge of the voxels that frames are fused in [m].
+        far: depth beyond which frames are not believed [m].
+        every: use every so many frames.
         texel: length of edges at which faces stop being split where a texture has detail [m].
-        up: the file's up axis; auto: as the file states, or as the floor tells.
+        up: the file's up direction, an axis or a vector; auto: as the file states, or as the room tells.
+        level: Correct a small tilt of the up direction to the floor's.
         unit: the file's unit; auto: as the file states, or as the room's height tells.
         floor: Move the floor to z 0.
+        image: PNG file with the levelled room and its axes, or null.
         scan: folder of the scan that predictions belong to.
         predictions: JSON or pickle file with masks and joints, or the URDF of one object, which needs box or object.
         box: that the object of a URDF fills: centre and extents [m], in the coordinates of the scan's file, and the angle of its
@@ -50,10 +69,17 @@ class Config:
     """
 
     mesh: Path | None
+    labels: Path | None
+    frames: Path | None
+    voxel: Annotated[float, AtLeast(0.002, 0.1)]
+    far: Annotated[float, Above(0.0)]
+    every: Count
     texel: Annotated[float, Above(0.0)]
-    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
+    up: str | tuple[float, float, float]
+    level: bool
     unit: Literal["auto", "m", "cm", "mm", "in"]
     floor: bool
+    image: Path | None
     scan: Path | None
     predictions: Path | None
     box: tuple[float, float, float, float, float, float, float] | None
@@ -68,17 +94,72 @@ def run(config: Config) -> str:
     Raises:
         InputError: keys that do not go together, or input that cannot be read.
     """
-    if config.mesh and not config.scan and not config.predictions:
+    if config.mesh and not config.scan and not config.predictions and not config.frames:
         return _import_mesh(config, config.mesh)
+    if config.frames and not config.scan and not config.predictions and not config.mesh:
+        return _import_frames(config, config.frames)
     if config.scan and config.predictions and not config.mesh:
         return _import_predictions(config, config.scan, config.predictions)
-    raise InputError("give mesh=FILE, or scan=FOLDER with predictions=FILE")
+    raise InputError("give mesh=FILE, or frames=FOLDER, or scan=FOLDER with predictions=FILE")
 
 
 def _import_mesh(config: Config, path: Path) -> str:
     """Convert a mesh file, write the scan, log doubts, and return a summary."""
     refuse_loss(config.out, imported.RECORD, [path])
-    done = imported.convert(path, config.texel, config.up, config.unit, config.floor)
+    if config.image:
+        require_png(config.image)
+    done = imported.convert(path, config.texel, config.up, config.unit, config.floor, config.level, config.labels)
+    return _written(config, path, done)
+
+
+def _import_frames(config: Config, folder: Path) -> str:
+    """Fuse a recording, write the scan with its keyframes, and return a summary."""
+    refuse_loss(config.out, imported.RECORD, [folder])
+    if config.image:
+        require_png(config.image)
+    walk = recording.read(folder)
+    surface, sharp = _fused(walk, config)
+    done = imported.place(
+        folder,
+        source.colored(surface.vertices, surface.faces, surface.colors, source.Stated(None, 1.0, walk.kind)),
+        (),
+        config.texel,
+        config.up,
+        config.unit,
+        config.floor,
+        config.level,
+        walk.up,
+    )
+    chosen = recording.keyframes(walk, sharp)
+    summary = _written(
+        config, folder, done, lambda out: recording.write_keyframes(out, walk, chosen, imported.matrix(done))
+    )
+    lost = f", {walk.lost} without a pose" if walk.lost else ""
+    used = len(walk.frames[:: config.every])
+    return f"{summary}\n  {walk.kind} recording: {used} frames fused{lost}, {len(chosen)} keyframes kept"
+
+
+def _fused(walk: recording.Recording, config: Config) -> tuple[Mesh, np.ndarray]:
+    """Return the surface that frames show together, and the sharpness of each frame, NaN where it was not used."""
+
+    def placed(frame: recording.Frame, depth: np.ndarray, color: np.ndarray | None) -> Image:
+        return Image(depth, color, frame.pose, astuple(walk.depth_camera), astuple(walk.color_camera))
+
+    used = len(walk.frames[:: config.every])
+    marks = recording.images(walk, config.every * max(1, used // MARKS), config.far)
+    fusion = DepthFusion(measured_points(placed(*image) for image in marks), config.voxel, TRUNCATION * config.voxel)
+    sharp = np.full(len(walk.frames), np.nan)
+    frames = track(recording.images(walk, config.every, config.far), "fuse", used)
+    for index, (frame, depth, color) in enumerate(frames):
+        fusion.add(placed(frame, depth, color))
+        sharp[index * config.every] = recording.sharpness(color)
+    return fusion.surface(SEEN), sharp
+
+
+def _written(
+    config: Config, path: Path, done: imported.Imported, more: Callable[[Path], None] = lambda out: None
+) -> str:
+    """Write a scan, log doubts, and return a summary."""
     for doubt in done.frame.doubts:
         _log.warning("%s: %s", path, doubt)
     if done.degenerate:
@@ -87,6 +168,9 @@ def _import_mesh(config: Config, path: Path) -> str:
         )
     with atomic_write(config.out, earlier=imported.RECORD) as out:
         imported.write(done, path, out)
+        more(out)
+    if config.image:
+        write_png(draw(done.mesh), config.image)
     size = " x ".join(f"{length:.2f}" for length in done.mesh.bounds[1] - done.mesh.bounds[0])
     faces = f"{len(done.mesh.faces)} faces" + (
         f" ({done.source_faces} in the file; {imported.SOURCE_FACES} maps them)"
@@ -96,8 +180,8 @@ def _import_mesh(config: Config, path: Path) -> str:
     frame = done.frame
     return (
         f"{config.out}: {faces}, {len(done.mesh.vertices)} vertices, {size} m\n"
-        f"  up: {frame.up} ({frame.why_up})\n"
-        f"  unit: {frame.unit:g} m ({frame.why_unit})\n"
+        f"  {frame.summary()}\n"
+        f"  up {frame.why_up}; unit: {frame.why_unit}\n"
         f"  floor: moved by {done.offset[2]:+.3f} m"
     )
 

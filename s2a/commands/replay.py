@@ -13,7 +13,6 @@ import torch
 from s2a.core import config as settings
 from s2a.core.bounds import Count
 from s2a.core.errors import InputError
-from s2a.env.vec_env import VecEnv
 from s2a.learn.collect import episode
 from s2a.learn.collect.episode import ABOUT, read_replay
 from s2a.learn.collect.episodes import restored
@@ -21,6 +20,7 @@ from s2a.learn.rl.run_folder import world_of
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env, task
+from s2a.tasks.env import VecEnv
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def run(config: Config) -> str:
     stage = episode.read(task(world[1].name).Stage, config.stage, config.dataset)
     sim = Simulation([stage], world[0], min(config.num_envs, total), device_of(config.device))
     name = world[1].name
-    thresholds: Any = settings.load(task(name).Metrics, settings.compose(f"metrics/{name}")["metrics"])
+    thresholds: Any = settings.load(task(name).Metrics, settings.compose(f"metrics/{settings.option(name)}")["metrics"])
     env = make_env(sim, world[1], thresholds, {}, 0)
     failed: list[int] = []
     for first in range(0, total, env.num_envs):
@@ -77,7 +77,7 @@ def played(env: VecEnv, episodes: list[tuple[dict[str, np.ndarray], np.ndarray]]
         env.step(torch.from_numpy(np.stack(rows)).to(env.observation))
         now = (env.done.cpu().numpy() == 1) & ~ended
         if now.any():
-            success[now] = env.result[:, env.columns.index(env.task.LOGGED[0])].cpu().numpy()[now]
+            success[now] = env.result[:, env.columns.index(env.task.RESULTS.logged[0])].cpu().numpy()[now]
             ended |= now
     return success > 0.5
 

@@ -16,9 +16,6 @@ from s2a.core.bounds import Count, Fraction
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, full_disk_reported
 from s2a.core.provenance import provenance
-from s2a.env import starts
-from s2a.env.starts import Demonstration, DemoStarts
-from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import rate, warn_of_errors
 from s2a.learn.perception.depth_camera import DepthCameraConfig
 from s2a.learn.perception.estimate import seen
@@ -27,12 +24,15 @@ from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.policy_file import export
 from s2a.learn.rl.ppo import load_model
 from s2a.learn.rl.run_folder import write_world
-from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner
-from s2a.planner.part_plan import demonstration
+from s2a.motion.open import demonstration
+from s2a.motion.policy import TEACHING_BEHIND, TEACHING_GAIN, Planner
+from s2a.motion.trajectory import Demonstration
 from s2a.sim import pool
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage
-from s2a.tasks import RewardWeights, make_env, task
+from s2a.tasks import RewardWeights, make_env, starts, task
+from s2a.tasks.env import VecEnv
+from s2a.tasks.starts import DemoStarts
 
 METRICS = "metrics.json"
 
@@ -166,14 +166,14 @@ def _without_effect(stages: Sequence[SimStage]) -> tuple[str, ...]:
 def _report(config: Config, env: VecEnv, metrics: dict[str, Any]) -> str:
     """Write metrics.json and, if asked for, the policy as others can load it; return how far the training came."""
     warn_of_errors(metrics, env)
-    metrics["recent"] = _rates(metrics["recent"], env.task.VALUES)
+    metrics["recent"] = _rates(metrics["recent"], env.task.RESULTS.values)
     metrics |= {
         "seed": config.seed,
         "num_envs": config.num_envs,
         "processes": processes.count(),
         "reward": config.reward,
     }
-    metrics["metrics_version"] = env.task.METRICS_VERSION
+    metrics["metrics_version"] = env.task.RESULTS.version
     with atomic_write(config.out / METRICS) as out:
         out.write_text(json.dumps(metrics | provenance(env.sim.device), indent=1))
     last = metrics["curve"][-1] if metrics["curve"] else {}

@@ -8,7 +8,7 @@ from pathlib import Path
 from s2a import robot, tasks
 from s2a.core.bounds import Count, CountFromZero
 from s2a.core.errors import InputError
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.settings import PlannerConfig
 from s2a.robot.spec import RobotSpec
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig
@@ -49,7 +49,8 @@ class WorldsConfig:
     def read_stages(self) -> list[SimStage]:
         """Read the stages of all parts; InputError as for one, or where a pool is to have one part."""
         kind = tasks.task(self.task.name)
-        stages = tasks.read_stages(kind, self.stage, self.part, self.robot.name, self.also, self.task)
+        where = (self.stage, self.part, self.robot.name, self.also)
+        stages = tasks.read_stages(kind, *where, self.task, self.planner)
         robot.check_unchanged(self.robot)
         return stages
 

@@ -17,6 +17,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 import dacite
 from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
+from hydra.core.config_store import ConfigStore
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -139,8 +140,56 @@ def _chosen(cls: type, key: str, value: Any, values: Mapping[str, Any]) -> Any:
 
 
 def opened(overrides: Sequence[str]) -> list[str]:
-    """Return overrides that may add keys to those dictionaries whose keys are not all listed: reward terms."""
-    return [f"++{text}" if text.startswith("reward.") else text for text in overrides]
+    """Return overrides as Hydra takes them.
+
+    Reward terms may be added, since not all of them are listed; the file of a task, task=FILE.py, becomes an option of its
+    groups; each of tasks=[FILE.py,...] one of the skills.
+
+    Raises:
+        InputError: there is no such file of a task, or no YAML file beside it.
+    """
+    opened_ = [f"++{text}" if text.startswith("reward.") else text for text in overrides]
+    skills = [
+        option(name)
+        for text in opened_
+        if text.startswith("tasks=")
+        for name in re.findall(r"[^\[\],=\s\"']+\.py", text)
+    ]
+    further = [f"+{group}@skills.{name}.{group}={name}" for name in skills for group in ("task", "metrics")]
+    return further + [TASK_FILE.sub(lambda found: f"{found[1]}={option(found[2])}", text) for text in opened_]
+
+
+TASK_FILE = re.compile(r"^(\+{0,2}task(?:@[\w.]+)?)=[\"']?(.+\.py)[\"']?$")
+"""An override that gives a task by its file."""
+
+
+def option(name: str) -> str:
+    """Return a task's name as an option of its config groups; that of a file, FILE.py, is added to them from FILE.yaml.
+
+    That file holds what conf/task, conf/metrics and conf/reward hold of other tasks, under keys of these names.
+
+    Raises:
+        InputError: there is no such file, or no YAML file beside it; it is named like a task of the package.
+    """
+    if not name.endswith(".py"):
+        return name
+    path = Path(name).expanduser().resolve()
+    values, stem = path.with_suffix(".yaml"), path.stem
+    for each in (path, values):
+        if not each.is_file():
+            raise InputError(f"{each}: no such file; a task is FILE.py with FILE.yaml beside it")
+    if (folder() / "task" / f"{stem}.yaml").exists():
+        raise InputError(f"{path}: there is a task {stem!r} already; give the file another name")
+    groups = plain(OmegaConf.load(values), resolve=False)
+    if not {"task", "metrics"} <= set(groups):
+        raise InputError(
+            f"{values}: expected the keys task and metrics, and reward for training; has {', '.join(groups)}"
+        )
+    for group, node in groups.items():
+        ConfigStore.instance().store(
+            group=group, name=stem, node=node | ({"name": str(path)} if group == "task" else {}), package=group
+        )
+    return stem
 
 
 def leaves(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:

@@ -15,7 +15,7 @@ import warp as wp
 
 from s2a.core.workers import chunks, in_parallel
 from s2a.homes.panorama import View, direction_pixel
-from s2a.homes.surface_nets import Net
+from s2a.scene.geometry.surface_nets import Net
 
 BEHIND = (0.33, 0.66)
 """Share of the reach by which a vertex lies behind what was measured, on average over the panoramas, from which on it moves

@@ -16,9 +16,9 @@ from s2a.core.progress import track
 from s2a.homes.panorama import NoiseConfig, cast_panorama, measure
 from s2a.homes.project_to_scan import project_to_scan
 from s2a.homes.solids import rotation, translation
-from s2a.homes.surface_nets import Net, ThinConfig, extract, thin
 from s2a.homes.tsdf import FusionConfig, fuse
 from s2a.scene.geometry.mesh_query import RayMesh
+from s2a.scene.geometry.surface_nets import Net, ThinConfig, extract, thin
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 Each voxel near a measured point is projected into every panorama. Its distance to the plane measured there, not along the ray,
 is averaged, so that surfaces seen at a grazing angle stay in place. Space that a ray has passed counts as free; space behind a
 surface counts less the deeper it lies. The surface is drawn by naive surface nets, only in cells whose eight corners have been
-observed (`s2a.homes.surface_nets`), and drawn onto the measured planes (`project_to_scan`): what no scanner saw is missing.
+observed (`s2a.scene.geometry.surface_nets`), and drawn onto the measured
+planes (`project_to_scan`): what no scanner saw is missing.
 """
 
 from __future__ import annotations
@@ -18,9 +19,7 @@ from s2a.core.bounds import NotNegative, Positive
 from s2a.core.progress import track
 from s2a.core.workers import chunks, in_parallel
 from s2a.homes.panorama import View, direction_pixel, pixel_direction
-
-UNKNOWN = 1.0e9
-"""Value of a voxel that no panorama observed."""
+from s2a.scene.geometry.surface_nets import UNKNOWN, Field, voxel_place
 
 
 @dataclass(frozen=True)
@@ -40,53 +39,6 @@ class FusionConfig:
     truncation: Positive
     reach: Positive
     depth: NotNegative
-
-
-@dataclass
-class Field:
-    """A sparse field in blocks of 4 x 4 x 4 voxels.
-
-    Attributes:
-        voxel: edge of a voxel [m].
-        origin: centre of voxel (0, 0, 0) [m].
-        table: row of each block in `blocks`, or -1, shape [block_x block_y block_z].
-        blocks: coordinates of the stored blocks, shape [block 3].
-        distance: weighted sum of distances, later their mean [m], shape [block * 64]; positive is free.
-        weight: sum of weights, shape [block * 64].
-    """
-
-    voxel: float
-    origin: wp.vec3
-    table: wp.array
-    blocks: wp.array
-    distance: wp.array
-    weight: wp.array
-
-
-@wp.func
-def voxel_place(blocks: wp.array(dtype=wp.vec3i), tid: int):
-    """Return the coordinates of a stored voxel."""
-    b = blocks[tid // 64]
-    k = tid % 64
-    return wp.vec3i(b[0] * 4 + k // 16, b[1] * 4 + (k // 4) % 4, b[2] * 4 + k % 4)
-
-
-@wp.func
-def voxel_index(table: wp.array3d(dtype=int), i: int, j: int, k: int):
-    """Storage index of a voxel, or -1 (a block is always two blocks away from the table's border)."""
-    row = table[i // 4, j // 4, k // 4]
-    if row < 0:
-        return -1
-    return row * 64 + (i % 4) * 16 + (j % 4) * 4 + k % 4
-
-
-@wp.func
-def voxel_value(table: wp.array3d(dtype=int), values: wp.array(dtype=float), i: int, j: int, k: int):
-    """Return the value of a voxel; UNKNOWN where none is stored."""
-    index = voxel_index(table, i, j, k)
-    if index < 0:
-        return UNKNOWN
-    return values[index]
 
 
 @wp.kernel

@@ -1,7 +1,7 @@
 """Joints that a robot's arm pulls, many at once, and the gradient of their motion by the set-points of the arm.
 
 A world holds one body on its joint, as in `s2a.joints.joint_worlds`, moved by the same solver against the same resistance. What
-pulls is an arm with a position controller (`s2a.planner.arm`): m a = F - d v - f(v) - k s, F = K(s) (u - s) - D(s) v - M(s) a.
+pulls is an arm with a position controller (`s2a.joints.pulled`): m a = F - d v - f(v) - k s, F = K(s) (u - s) - D(s) v - M(s) a.
 """
 
 from __future__ import annotations

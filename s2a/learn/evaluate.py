@@ -11,9 +11,9 @@ import numpy as np
 import torch
 
 from s2a.core.progress import track
-from s2a.env.kernels import ERRORS
-from s2a.env.vec_env import VecEnv
 from s2a.sim.pool import PoolPart
+from s2a.tasks.env import VecEnv
+from s2a.tasks.state import ERRORS
 
 _log = logging.getLogger(__name__)
 Policy = Callable[[torch.Tensor], torch.Tensor]
@@ -56,16 +56,15 @@ def run_episodes(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda
 
 def summary(env: VecEnv, column: Mapping[str, torch.Tensor]) -> dict[str, Any]:
     """Return what finished episodes came to, from their results by column [episode]; see `evaluate`."""
-    task = env.task
-    rates = [name for name in task.METRICS if name not in task.VALUES]
+    task, results = env.task, env.task.RESULTS
     values = {
         name: {"mean": float(column[name].mean()), "min": float(column[name].min()), "max": float(column[name].max())}
-        for name in task.VALUES
+        for name in results.values
     }
     return {
-        "metrics_version": task.METRICS_VERSION,
+        "metrics_version": results.version,
         "thresholds": dict(task.thresholds),
-        **{name: rate(float(column[name].sum()), len(column[name])) for name in rates},
+        **{name: rate(float(column[name].sum()), len(column[name])) for name in results.rates},
         **values,
         **{name: int(column[name].sum()) for name in ERRORS},
     }
@@ -121,7 +120,7 @@ def warn_of_errors(counts: Mapping[str, float], env: VecEnv) -> None:
         "contact_overflow": f"dropped contacts; make sim.nconmax (now {sim.nconmax}) larger",
     }
     for name in ERRORS:
-        if counts[name] > 0 and counts[name] >= env.task.error_fraction * counts["episodes"]:
+        if counts[name] > 0 and counts[name] >= env.task.metrics.error_fraction * counts["episodes"]:
             _log.warning("%d of %d episodes %s", counts[name], counts["episodes"], causes[name])
 
 

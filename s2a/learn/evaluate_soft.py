@@ -11,10 +11,10 @@ import numpy as np
 
 from s2a.core.progress import track
 from s2a.learn.evaluate import rate
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.settings import PlannerConfig
 from s2a.sim.soft import SoftSimulation
-from s2a.tasks.pick_place.soft import SoftTrial, run_trial
-from s2a.tasks.pick_place.soft_metrics import COLUMNS, VALUES, SoftMetrics
+from s2a.tasks.soft import SoftTrial, run_trial
+from s2a.tasks.soft_metrics import COLUMNS, VALUES, SoftMetrics
 
 EVERY = 15
 """Control steps between two states that are kept."""

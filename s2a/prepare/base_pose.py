@@ -1,29 +1,36 @@
-"""The base pose of the robot: where its arm can follow the whole path of the handle without a collision."""
+"""The base pose of the robot before a handle: where its arm can follow the whole path of the handle without a collision."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 from s2a.core.bounds import Count, Numbers, Positive
-from s2a.prepare.candidates import Candidate, Ground, candidates, turned
-from s2a.prepare.obstacles import Obstacles
-from s2a.prepare.path_clearance import UNREACHABLE, path_collision, start_collision
-from s2a.robot.collision import SLACK, Penetration, robot_shape
+from s2a.motion.obstacles import Obstacles
+from s2a.motion.search import UNREACHABLE, Follow, Miss, Search, Stand
+from s2a.prepare.grasp import floor_height, floor_points, heading, lowest_point
+from s2a.robot.collision import SLACK, Penetration, RobotShape, robot_shape
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import follow, opening_coordinate, part_path
-from s2a.scan.evidence.floor import FloorConfig
+from s2a.robot.tool_path import HALF_TURN, opening_coordinate, part_path, straight
+from s2a.scan.evidence.floor import FloorConfig, floor_fraction
+from s2a.scene.geometry.convex import column, overlap
 from s2a.scene.scene import Mesh, Scene, Vec3
 from s2a.scene.usd.sim_scene import Grasp, Quat
 
-CHUNK, ENOUGH = 24, 8
-"""Places that are looked at before the reach of those with a free start is computed at once, if there are so many of these."""
+AT_ONCE, CHUNK = 8, 24
+"""Places with a free start from which the reach is computed at once, and places that are looked at last."""
 STUCK = 1.0
 """Depth [m] that stands for a place where the base cannot stand."""
+MAX_REACH_TIME = 2.0
+"""[s] In which every joint, at full speed, has to turn from home to the path: an episode has to have time for the rest."""
+TRIED = 8
+"""Number of joint paths that are checked: those that begin nearest to home."""
 
 
 @dataclass(frozen=True)
@@ -75,39 +82,6 @@ class BasePose:
     free: bool
 
 
-@dataclass(frozen=True)
-class _Facing:
-    """A robot at a place, looking at the handle or past it.
-
-    Attributes:
-        base: pose of the base, shape [4 4], scene frame.
-        place: where it stands.
-        near: what it can collide with.
-        measure: returns what `start` does.
-    """
-
-    base: np.ndarray
-    place: Candidate
-    near: Obstacles
-    measure: Callable[[], Penetration]
-
-    @cached_property
-    def start(self) -> Penetration:
-        """Its collision before the arm moves along a path: depth [m] and words; `STUCK` where its foot cannot stand."""
-        return self.measure()
-
-
-@dataclass(frozen=True)
-class _Failure:
-    """A facing that does not serve: how deep it collides [m], and with what; `waits`: unless the arm cannot even reach."""
-
-    depth: float
-    problem: str
-    base: np.ndarray
-    place: Candidate
-    waits: bool = False
-
-
 def find_base(
     scene: Scene,
     target: str,
@@ -119,6 +93,9 @@ def find_base(
 ) -> BasePose:
     """Return where the robot stands to open a part.
 
+    Inverse kinematics take most of the time: they are asked for many places at once, and for none where the robot starts in
+    something.
+
     Args:
         scene: the room.
         target: the part.
@@ -128,116 +105,234 @@ def find_base(
         config: where the robot may stand.
         robot: the robot.
     """
-    joint, point = scene.joint(target), np.array(grasp.point)
+    joint, point, shape = scene.joint(target), np.array(grasp.point), robot_shape(robot)
     opening = opening_coordinate(joint, point, config.opening)
-    held = np.array([*grasp.point, *grasp.orientation])
-    poses = part_path(joint, held, config.approach, opening).poses
-    near = Obstacles(scene, moving, point, config.query_radius)
-    ground = Ground(scene, target, point, near, swept, config.floor, robot)
-    search = _Search(poses, near, ground, config, robot)
-    return search.first_free() or search.nearest()
+    poses = part_path(joint, np.array([*grasp.point, *grasp.orientation]), config.approach, opening).poses
+    near = Obstacles.of_scan(scene, point, config.query_radius)
+    surroundings = Surroundings(near, near.without(moving), shape)
+    ground = Ground(scene, target, point, near, swept, config, robot)
+    search = Search(robot, shape.kin)
+    preferred = next(iter(ground.places()))
+
+    def follow(stands: Sequence[Stand]) -> Follow:
+        seeds = [config.ik_seeds * (4 if np.array_equal(_facing(s), preferred.base) else 1) for s in stands]
+        return Follow("", 2, poses, surroundings.meets, seeds, tried=TRIED, kept=1, reach_time=MAX_REACH_TIME)
+
+    waiting: set[Stand] = set()
+    for some in _groups(ground.places(), ground, surroundings, poses[0], search, follow, waiting):
+        for k, _ in search.followed(some, follow(some)):
+            return _chosen(some[k], _praise(some[k], preferred, search), True)
+    order = sorted(search.misses.of.values(), key=lambda miss: miss.depth)
+    for start in range(0, len(order), CHUNK):
+        stands = [miss.stand for miss in order[start : start + CHUNK] if miss.stand is not None]
+        unknown = [stand for stand in stands if stand in waiting]
+        reach = dict(zip(unknown, search.paths(unknown, follow(unknown)), strict=True)) if unknown else {}
+        for stand in stands:
+            if stand not in reach or len(reach[stand]):
+                return _chosen(stand, f"{stand}, though {search.misses.of[stand].text}; no place is free", False)
+    raise AssertionError("the preferred place was tried to the end")
 
 
-class _Search:
-    """The search for a place from which a part can be opened.
+def _groups(
+    places: Iterator[Stand],
+    ground: Ground,
+    surroundings: Surroundings,
+    first: np.ndarray,
+    search: Search,
+    follow: Callable[[Sequence[Stand]], Follow],
+    waiting: set[Stand],
+) -> Iterator[list[Stand]]:
+    """Yield bases at which the robot starts clear of all, AT_ONCE places together, the preferred place alone and in any case.
 
-    Inverse kinematics take most of the time: they are asked for many places at once, and for none where the robot starts in
-    something.
+    Why others do not serve is noted, of the preferred place also whether the arm reaches from it; `waiting` gets those of which
+    that is not known.
+    """
+    hopeful: list[list[Stand]] = []
+    for number, place in enumerate(places):
+        starting = []
+        for stand in ground.facings(place, search):
+            depth, problem = surroundings.start(stand, first)
+            if depth <= SLACK:
+                starting.append(stand)
+            else:
+                search.misses.note(Miss(1, depth, problem, stand))
+                if number or stand.turn or len(search.paths([stand], follow([stand]))[0]):
+                    waiting.add(stand)
+                else:
+                    search.misses.note(Miss(2, UNREACHABLE, "the arm cannot reach along the whole path", stand))
+        if starting:
+            hopeful.append(starting)
+        if hopeful and (number == 0 or len(hopeful) == AT_ONCE):
+            yield list(itertools.chain(*hopeful))
+            hopeful = []
+    if hopeful:
+        yield list(itertools.chain(*hopeful))
+
+
+def _facing(stand: Stand) -> np.ndarray:
+    return stand.base if stand.facing is None else stand.facing
+
+
+def _praise(stand: Stand, preferred: Stand, search: Search) -> str:
+    """Return why a base was taken, and what was wrong with the preferred place."""
+    wrong = [miss for other, miss in search.misses.of.items() if np.array_equal(_facing(other), preferred.base)]
+    instead = f" (not {wrong[0].stand}: {wrong[0].text})" if wrong else ""
+    return f"{stand}; the arm reaches the whole path, start and path are free{instead}"
+
+
+def _chosen(stand: Stand, reason: str, free: bool) -> BasePose:
+    x, y, z = map(float, stand.base[:3, 3])
+    half = math.atan2(stand.base[1, 0], stand.base[0, 0]) / 2
+    return BasePose((x, y, z), (0.0, 0.0, math.sin(half), math.cos(half)), reason, stand.pedestal, free)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The scanned surfaces around a handle, and what of a robot collides with them.
+
+    Attributes:
+        near: all of them.
+        still: those that do not move with the part.
+        shape: of the robot.
     """
 
+    near: Obstacles
+    still: Obstacles
+    shape: RobotShape
+
+    @cached_property
+    def _home(self) -> np.ndarray:
+        return np.array(self.shape.kin.spec.home)
+
+    def start(self, stand: Stand, first: np.ndarray) -> Penetration:
+        """Return the deepest collision at home and of the gripper straight from there to a tool pose [4 4], with words for it."""
+        depth, owner = self._robot(stand, self._home[None], moving=True)
+        if depth > SLACK:
+            return depth, f"the start pose reaches {1000 * depth:.0f} mm into {owner}"
+        depth, owner = self._straight(stand, stand.base @ self.shape.kin.tool(self._home[None])[0], first)
+        return depth, f"the gripper on its path reaches {1000 * depth:.0f} mm into {owner}"
+
+    def meets(self, stand: Stand, path: np.ndarray) -> Penetration:
+        """Return the deepest collision on a joint path [pose arm] to the handle and with it, and on the way there from home."""
+        depth, owner = self._robot(stand, path[1:], moving=False)
+        if depth > SLACK:
+            return depth, f"{owner} on its path"
+        reach = straight(self._home, path[0])
+        depth, owner = self._robot(stand, reach, moving=True)
+        if depth > SLACK:
+            return depth, f"{owner} on its path to the handle"
+        return self.shape.self_penetration(np.concatenate([reach, path]))
+
+    def _robot(self, stand: Stand, q: np.ndarray, *, moving: bool) -> Penetration:
+        """Return the deepest collision in joints [pose arm]; while it moves the handle, the fingers may touch what they hold."""
+        chosen, base = self.shape.moving & (~self.shape.fingers | moving), stand.base
+        centers = self.shape.centers(q)[:, chosen] @ base[:3, :3].T + base[:3, 3]
+        return self._obstacles(stand, moving=moving).deepest(centers, self.shape.radii[chosen])
+
+    def _straight(self, stand: Stand, start: np.ndarray, end: np.ndarray) -> Penetration:
+        """Return the gripper's deepest collision on the straight path between two poses of the tool frame [4 4]."""
+        best: Penetration = (np.inf, "")
+        for flip in (np.eye(3), HALF_TURN[:3, :3]):
+            turns = Rotation.from_matrix(np.stack([start[:3, :3], end[:3, :3] @ flip]))
+            count = max(2, int(np.linalg.norm(end[:3, 3] - start[:3, 3]) / 0.03))
+            fraction = np.linspace(0.0, 1.0, count)
+            matrices = Slerp([0.0, 1.0], turns)(fraction).as_matrix()
+            places = start[:3, 3] + fraction[:, None] * (end[:3, 3] - start[:3, 3])
+            centers = np.einsum("kij,sj->ksi", matrices, self.shape.gripper) + places[:, None]
+            best = min(best, self._obstacles(stand, moving=True).deepest(centers, self.shape.gripper_radii))
+            if best[0] <= 0.0:
+                break
+        return best
+
+    def _obstacles(self, stand: Stand, *, moving: bool) -> Obstacles:
+        """Return what the robot can collide with on a base, its pedestal too; the target in its scanned pose if `moving`."""
+        surfaces, radius = self.near if moving else self.still, self.shape.kin.spec.base.radius
+        return surfaces.with_column(stand.base[:3, 3], stand.pedestal, radius)
+
+
+class Ground:
+    """The floor before a handle, and where on it a base can stand."""
+
     def __init__(
-        self, poses: np.ndarray, near: Obstacles, ground: Ground, config: BaseConfig, robot: RobotSpec
+        self,
+        scene: Scene,
+        target: str,
+        point: np.ndarray,
+        near: Obstacles,
+        swept: Sequence[Mesh],
+        config: BaseConfig,
+        robot: RobotSpec,
     ) -> None:
-        """Take the tool frame's poses on the path of the handle [pose 4 4], what is near it, and the floor before it."""
-        self._poses, self._near, self._ground = poses, near, ground
-        self._config, self._robot, self._shape = config, robot, robot_shape(robot)
-        places = candidates(robot.base.distances, config.sides, config.pedestals)
-        self._places = places if config.search else places[:1]
-        self._failures: list[_Failure] = []
+        """Take the floor before the handle of a target at a point [m], shape [3]; `swept` is where the target opens."""
+        self._point, self._ahead = point, heading(scene, target)
+        floor = floor_points(scene)
+        self._asks_floor = len(floor) > 0
+        self._floor = floor if self._asks_floor else lowest_point(scene)
+        self._near, self._swept, self._config, self._body = near, swept, config, robot.base
+        self._shoulder = robot_shape(robot).kin.shoulder
 
-    def first_free(self) -> BasePose | None:
-        """Return the first place that serves."""
-        hopeful: list[list[_Facing]] = []
-        for k, place in enumerate(self._places):
-            facings = self._stand(place)
-            starts = any(facing.start[0] <= SLACK for facing in facings)
-            if starts or (facings and k == 0):  # why the preferred place was not taken is said in any case
-                hopeful.append(facings)
-            else:
-                self._failures += [_Failure(*f.start, f.base, f.place, f.start[0] < STUCK) for f in facings]
-            enough = len(hopeful) >= ENOUGH and k % CHUNK == 0
-            if (k == 0 and starts) or enough or place is self._places[-1]:
-                found = self._first_served(hopeful)
-                if found is not None:
-                    return found
-                hopeful = []
-        return None
+    def places(self) -> Iterator[Stand]:
+        """Yield places that face the handle, those nearest to the preferred one first; that alone where there is no search."""
+        config, distances = self._config, self._body.distances
+        every = itertools.product(distances, config.sides, config.pedestals)
+        order = sorted(every, key=lambda p: abs(p[0] - distances[0]) + abs(p[1]) + 0.5 * p[2])
+        left = np.array([-self._ahead[1], self._ahead[0]])
+        for distance, side, pedestal in order if config.search else order[:1]:
+            position = self._point[:2] - distance * self._ahead + side * left
+            towards = self._point[:2] - position
+            pose = np.eye(4)
+            pose[:3, :3] = Rotation.from_euler("z", math.atan2(towards[1], towards[0])).as_matrix()
+            pose[:3, 3] = [*position, floor_height(self._floor, position) + pedestal]
+            yield Stand(pose, pedestal, words=_in_words(distance, side, pedestal))
 
-    def nearest(self) -> BasePose:
-        """Return the place where the robot collides least, once no other is left."""
-        order = sorted(self._failures, key=lambda failure: failure.depth)
-        for start in range(0, len(order), CHUNK):
-            some = order[start : start + CHUNK]
-            asked = list(dict.fromkeys(f.place.standing for f in some if f.waits))
-            reached = dict(zip(asked, self._paths(asked), strict=True))
-            for failure in some:
-                if not failure.waits or len(reached[failure.place.standing]):
-                    words = f"{failure.place}, though {failure.problem}; no place is free"
-                    return _chosen(failure.base, failure.place, words, False)
-        raise AssertionError("the preferred place was tried to the end")
-
-    def _stand(self, place: Candidate) -> list[_Facing]:
-        """Return the robot at a place, facing the handle or turned past it; nothing where it cannot stand, which is noted."""
-        base = self._ground.base(place)
-        if (problem := self._ground.taken(base, place)) is not None:
-            self._failures.append(_Failure(STUCK, problem, base, place))
-            return []
-        found = []
+    def facings(self, place: Stand, search: Search) -> Iterator[Stand]:
+        """Yield bases at a place, facing the handle or turned past it, at which the robot can stand; what fails is noted."""
+        if (problem := self._taken(place)) is not None:
+            search.misses.note(Miss(0, STUCK, problem, place))
+            return
         for turn in self._config.turns if self._config.search else self._config.turns[:1]:
-            seen, there = turned(base, turn, self._shape.kin.shoulder), replace(place, turn=turn)
-            near = self._near.with_pedestal(seen[:3, 3], place.pedestal, self._robot.base.radius)
+            base = turned(place.base, turn, self._shoulder)
+            words = f"{place.words}, turned by {math.degrees(turn):.0f} degrees" if turn else place.words
+            stand = Stand(base, place.pedestal, turn, place.base, words)
             # The foot of a robot whose arm is not on its axis moves when the robot turns about its shoulder.
-            moves = not np.allclose(seen[:3, 3], base[:3, 3])
-            stuck = self._ground.taken(seen, there) if moves else None
-            start = partial(start_collision, near, self._shape, seen, self._poses[0])
-            found.append(_Facing(seen, there, near, partial(_stuck, stuck) if stuck else start))
-        return found
+            moves = not np.allclose(base[:3, 3], place.base[:3, 3])
+            if moves and (problem := self._taken(stand)) is not None:
+                search.misses.note(Miss(0, STUCK, problem, stand))
+            else:
+                yield stand
 
-    def _first_served(self, stands: Sequence[list[_Facing]]) -> BasePose | None:
-        """Return the first facing that serves; note the others."""
-        first = np.eye(len(self._robot.arm_joints))[0]
-        for facings, paths in zip(stands, self._paths([f[0].place.standing for f in stands]), strict=True):
-            for facing in facings if len(paths) else facings[:1]:
-                depth, problem = facing.start
-                if not len(paths) and depth < STUCK:
-                    depth, problem = UNREACHABLE, "the arm cannot reach along the whole path"
-                elif depth <= SLACK:
-                    seen = paths - facing.place.turn * first
-                    depth, problem = path_collision(facing.near, self._shape, facing.base, seen)
-                if depth <= SLACK:
-                    return _chosen(facing.base, facing.place, self._praise(facing.place), True)
-                self._failures.append(_Failure(depth, problem, facing.base, facing.place))
-        return None
+    def _taken(self, stand: Stand) -> str | None:
+        """Return why a base cannot stand there, or None if it can."""
+        body, foot = self._body, stand.base[:3, 3]
+        floor = foot[2] - stand.pedestal
+        low, high = floor + 0.05 + body.radius, foot[2] + body.shoulder_height
+        owner = self._near.in_column(foot[:2], low, high, body.radius)
+        if owner is not None:
+            return f"{owner} stands where the base has to stand"
+        if self._asks_floor and not self._on_floor(stand):
+            return "no floor was scanned there"
+        height = stand.pedestal + body.shoulder_height + body.upper_arm
+        trunk = column(np.array([*foot[:2], floor]), body.radius, height)
+        opens_into = any(overlap(trunk, piece) > 1e-3 for piece in self._swept)
+        return "the part would open into the base" if opens_into else None
 
-    def _paths(self, places: Sequence[Candidate]) -> list[np.ndarray]:
-        """Return the joint paths from each place, shape [path pose arm]; the preferred one is tried harder."""
-        if not places:
-            return []
-        ik_seeds = [self._config.ik_seeds * (4 if place == self._places[0] else 1) for place in places]
-        return follow(self._shape.kin, self._poses, np.array([self._ground.base(p) for p in places]), ik_seeds)
-
-    def _praise(self, place: Candidate) -> str:
-        """Return why a place was taken, and what was wrong with the preferred one."""
-        wrong = [failure for failure in self._failures if failure.place.standing == self._places[0]]
-        instead = f" (not {wrong[0].place}: {wrong[0].problem})" if wrong else ""
-        return f"{place}; the arm reaches the whole path, start and path are free{instead}"
+    def _on_floor(self, stand: Stand) -> bool:
+        """Return True if there is scanned floor below a base; `s2a certify` asks the same."""
+        floor, radius = self._config.floor, self._body.radius
+        below = floor_fraction(stand.base[:3, 3], stand.pedestal, radius, self._near.surface, floor.tolerance)
+        return below >= floor.min_fraction
 
 
-def _stuck(problem: str) -> Penetration:
-    return STUCK, problem
+def _in_words(distance: float, side: float, pedestal: float) -> str:
+    words = [f"{distance:.2f} m before the handle"]
+    words += [f"{abs(side):.2f} m to its {'left' if side > 0 else 'right'}"] if side else []
+    words += [f"on a pedestal of {pedestal:.2f} m"] if pedestal else ["on the floor"]
+    return ", ".join(words)
 
 
-def _chosen(base: np.ndarray, place: Candidate, reason: str, free: bool) -> BasePose:
-    x, y, z = map(float, base[:3, 3])
-    half = math.atan2(base[1, 0], base[0, 0]) / 2
-    return BasePose((x, y, z), (0.0, 0.0, math.sin(half), math.cos(half)), reason, place.pedestal, free)
+def turned(base: np.ndarray, turn: float, shoulder: np.ndarray) -> np.ndarray:
+    """Return a base turned about its arm's vertical first axis, through a point [3] of its frame."""
+    pose = base.copy()
+    pose[:3, :3] = base[:3, :3] @ Rotation.from_euler("z", turn).as_matrix()
+    pose[:3, 3] += (base[:3, :3] - pose[:3, :3]) @ shoulder
+    return pose

@@ -1,15 +1,18 @@
-"""The grasp of a part, and the heading of a robot that opens it."""
+"""The grasp of a part, free of collisions, and the heading of a robot that opens it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.prepare.gripper_roll import ROUND, free_roll, free_side, is_round
-from s2a.robot.collision import robot_shape
+from s2a.core import config
+from s2a.motion.obstacles import Obstacles
+from s2a.robot.collision import RobotShape, robot_shape
 from s2a.robot.spec import GripperSpec, RobotSpec
 from s2a.scene.articulation import opening_direction
 from s2a.scene.geometry.bar import bar_profile
@@ -19,6 +22,14 @@ from s2a.scene.geometry.simplify import is_structure
 from s2a.scene.scene import Mesh, Scene, Vec3
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Grasp, Quat
 
+ROUND = 1.5
+"""A grasp region whose section is less elongated than this can be held at any gripper roll."""
+TURNS = (0, 90, 45, -45)
+"""[degrees] Rolls about the approach, the preferred one first: the fingers close along the vertical."""
+SEARCH_RADIUS = 0.4
+"""[m] Radius of the gripper around the grasp in plan."""
+BETTER = 0.005
+"""[m] Another roll or side has to penetrate the room by so much less: scans are rough."""
 SLICES = 12
 """Places along a bar at which its thickness is measured."""
 ROOM = 0.003
@@ -29,11 +40,17 @@ FLOOR = ("floor", "floors")
 """Last words of a label that make it the floor's."""
 
 
-def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None) -> Grasp:
+def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None, approach: float | None = None) -> Grasp:
     """Return the grasp of a movable part: point, frame and extents of its annotated region.
 
     The gripper approaches in the direction in which the part closes; if it would collide there, and the region is a bar,
     from another side of the bar. A recessed pull is held from within, where closed fingers fit into it and reach its walls.
+
+    Args:
+        scene: the room.
+        target: id of the part.
+        spec: the robot; None: the Panda.
+        approach: straight path before the grasp that has to be free [m]; None: that of conf/motion/approach.yaml.
 
     Raises:
         InputError: the part is unknown, does not move, or has no surface.
@@ -41,14 +58,16 @@ def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None) -> Gras
     point = scene.grasp_point(target)
     region = merge([scene.parts[i].mesh for i in scene.handle_parts(target)])
     spec = spec or robot.load(DEFAULT_ROBOT)
+    approach = config.file("motion/approach")["approach"] if approach is None else approach
     shape = robot_shape(spec)
     first = _grasp(point, region, -opening_direction(scene.joint(target), point))
     if (internal := _internal(scene, target, region, first, spec.gripper)) is not None:
         return internal
     if is_round(first):
-        return free_roll(scene, target, first, shape)
+        return free_roll(scene, target, first, shape, approach)
     across = Rotation.from_quat(first.orientation).as_matrix()[:, 1]
-    return free_side(scene, target, first, (_grasp(point, region, side) for side in (-across, across)), shape)
+    sides = (_grasp(point, region, side) for side in (-across, across))
+    return free_side(scene, target, first, sides, shape, approach)
 
 
 def _grasp(point: np.ndarray, region: Mesh, inwards: np.ndarray) -> Grasp:
@@ -141,6 +160,57 @@ def floor_height(floor: np.ndarray, place: np.ndarray, radius: float = 0.4) -> f
     strip = floor[first:last]
     near = strip[np.linalg.norm(strip[:, :2] - place, axis=1) < radius]
     return float(np.median((near if len(near) else floor)[:, 2]))
+
+
+def is_round(grasp: Grasp) -> bool:
+    """Return whether a grasp's region can be held at any gripper roll."""
+    along, across, _ = grasp.size
+    return max(along, across) < ROUND * min(along, across)
+
+
+def free_roll(scene: Scene, target: str, grasp: Grasp, shape: RobotShape, approach: float) -> Grasp:
+    """Return a grasp of what is round, rolled about its approach if the gripper would otherwise collide with the room."""
+    near = Obstacles.of_scan(scene, np.array(grasp.point), SEARCH_RADIUS).without((target, *scene.descendants(target)))
+    return _collision_free(near, shape, approach, grasp, (_rolled(grasp, turn) for turn in TURNS[1:]))
+
+
+def free_side(
+    scene: Scene, target: str, grasp: Grasp, others: Iterable[Grasp], shape: RobotShape, approach: float
+) -> Grasp:
+    """Return a grasp, or one from another side if the gripper would otherwise collide with anything beside its grasp region."""
+    near = Obstacles.of_scan(scene, np.array(grasp.point), SEARCH_RADIUS).without(scene.handle_parts(target))
+    return _collision_free(near, shape, approach, grasp, others)
+
+
+def _collision_free(
+    near: Obstacles, shape: RobotShape, approach: float, grasp: Grasp, others: Iterable[Grasp]
+) -> Grasp:
+    """Return a grasp, or another one with a clearly smaller penetration depth on its approach."""
+    depth = _depth(near, shape, approach, grasp)
+    if depth <= BETTER:  # as almost always: then the others are not even made
+        return grasp
+    depths, grasps = zip(*((_depth(near, shape, approach, other), other) for other in others), strict=True)
+    best = int(np.argmin(depths))
+    return grasps[best] if depths[best] < depth - BETTER else grasp
+
+
+def _rolled(grasp: Grasp, degrees: float) -> Grasp:
+    """Return a grasp with its frame turned about the approach, and its extents with it."""
+    if not degrees:
+        return grasp
+    turn = Rotation.from_quat(grasp.orientation) * Rotation.from_euler("z", degrees, degrees=True)
+    x, y, z, w = map(float, turn.as_quat(canonical=True))
+    points = turn.inv().apply(grasp.region.vertices[grasp.region.faces.ravel()])
+    along, across = np.ptp(points[:, :2], axis=0) if degrees % 90 else (grasp.size[1], grasp.size[0])
+    return replace(grasp, orientation=(x, y, z, w), size=(float(along), float(across), grasp.size[2]))
+
+
+def _depth(near: Obstacles, shape: RobotShape, approach: float, grasp: Grasp) -> float:
+    """Return the penetration depth of the open gripper in the obstacles on its straight approach [m]."""
+    turn = Rotation.from_quat(grasp.orientation)
+    back = np.linspace(0.0, approach, 6)[:, None, None] * np.array([0.0, 0.0, 1.0])
+    centers = turn.apply((shape.gripper[None] - back).reshape(-1, 3)) + grasp.point
+    return near.deepest(centers, np.tile(shape.gripper_radii, 6))[0]
 
 
 def _vec3(values: np.ndarray) -> Vec3:

@@ -101,7 +101,9 @@ def part_results(
 def _try(shared: tuple[Scene, PartConfig], asked: Asked) -> Arrays | InputError:
     scene, config = shared
     try:
-        return _packed(_part(find_target(scene, *asked, spec=config.robot), scene, config))
+        return _packed(
+            _part(find_target(scene, *asked, spec=config.robot, approach=config.base.approach), scene, config)
+        )
     except InputError as error:
         return error
 

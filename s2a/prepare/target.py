@@ -68,6 +68,7 @@ def find_target(
     members: Sequence[str] | None = None,
     grasp: Grasp | None = None,
     spec: RobotSpec | None = None,
+    approach: float | None = None,
 ) -> Target:
     """Return an articulated part of a scene.
 
@@ -77,11 +78,12 @@ def find_target(
         members: ids of the parts of its body, itself first; None: all below it that hang on no joint of their own.
         grasp: where to grasp it, where that is known already.
         spec: the robot that grasps it; None: the Panda.
+        approach: straight path before the grasp [m]; see `find_grasp`.
 
     Raises:
         InputError: the part is unknown, does not move, has limits that no robot can use, or has no surface.
     """
-    joint, grasp = target_joint(scene, part), grasp or find_grasp(scene, part, spec)
+    joint, grasp = target_joint(scene, part), grasp or find_grasp(scene, part, spec, approach)
     held, root = scene.handle_parts(part), scene.root(part)
     plate = scene.parts[held[0]].parent
     return Target(

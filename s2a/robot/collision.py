@@ -1,8 +1,7 @@
-"""Collision geometry of a robot: spheres around its links against surfaces, collision hulls and each other."""
+"""The collision shape of a robot: spheres around its links, and how deep they reach into each other."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -10,9 +9,6 @@ import numpy as np
 
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
-from s2a.scene.geometry.mesh_ops import merge
-from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
-from s2a.scene.scene import Mesh
 
 BULGE = 0.02
 """[m] How far the spheres may stand out of the links; between two links twice as much is no collision."""
@@ -24,26 +20,6 @@ TURNS = 16
 
 Penetration = tuple[float, str]
 """Penetration depth [m] (0: no collision), and with what."""
-
-
-class Surfaces:
-    """Named triangle surfaces; solids are as good as their surfaces, for what moves in small steps."""
-
-    def __init__(self, meshes: Mapping[str, Mesh]) -> None:
-        """Build the search tree."""
-        whole = merge(list(meshes.values()))
-        self._names = list(meshes)
-        self._owners = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes.values()])
-        self._tree: RayMesh | None = ray_mesh(whole.vertices, whole.faces) if len(whole.faces) else None
-
-    def penetration(self, centers: np.ndarray, radii: np.ndarray) -> Penetration:
-        """Return how deep spheres [sphere 3] of radii [sphere] reach into a surface [m], and its name."""
-        if self._tree is None or not len(centers):
-            return 0.0, ""
-        face, gap = nearest_faces(self._tree, centers, reach=float(radii.max()))
-        depth = np.where(face >= 0, radii - gap, 0.0)
-        k = int(np.argmax(depth))
-        return (float(depth[k]), self._names[self._owners[face[k]]]) if depth[k] > 0.0 else (0.0, "")
 
 
 class RobotShape:

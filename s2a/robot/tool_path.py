@@ -101,6 +101,11 @@ def matrices(vectors: np.ndarray) -> np.ndarray:
     return poses
 
 
+def matrix(vector: np.ndarray) -> np.ndarray:
+    """Return a 7-vector (position, quaternion xyzw) as a matrix [4 4]."""
+    return matrices(np.asarray(vector, float)[None])[0]
+
+
 EXACT = 1e-4
 """Accepted root of the squared errors: 0.1 mm and 0.1 mrad."""
 JUMP = 0.3

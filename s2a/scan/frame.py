@@ -1,13 +1,16 @@
-"""Up axis and unit of a mesh: what its file states, checked against the room, or what the room alone tells."""
+"""Up direction and unit of a mesh: what its file states, checked against the room, or what the room alone tells."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from s2a.core.errors import InputError
+from s2a.scan import upright
 from s2a.scan.source import Stated
+from s2a.scan.upright import Candidate
 
 UP = {
     "x": (1.0, 0.0, 0.0),
@@ -24,14 +27,15 @@ TYPICAL = (2.0, 3.6)
 """Heights of usual rooms [m]; so narrow that no height is one of them in two of the units."""
 POSSIBLE = (1.5, 6.0)
 """Heights of scanned rooms [m], also without ceiling or with a high one."""
+PARTIAL = (0.6, 8.0)
+"""Heights [m] of parts of rooms, and of stairwells: believed in metres, which nearly all capture programs write."""
 BELIEVED = (0.02, 15.0)
 """Heights [m] at which a file's own unit is believed: single objects to halls."""
 
-_LEVEL = 0.95  # cosine; within 18 degrees
-_ENDS = 0.12  # fraction of the height at either end in which floor and ceiling lie
-_TOPS = 0.02  # fraction of the footprint that tops of furniture must exceed to count as evidence
-_SEEN = 0.1  # of nine virtual rooms one had less (0.07), and is asked for
-_CLEAR = 1.6  # factor by which the best direction has to beat the next
+_SAME = 12.0  # deg; a stated axis and a direction of the surface this near are the same
+_SNAP = 1.0  # deg; a direction this near to an axis of the file is that axis: programs that know gravity write it so
+_TILT = 2.0  # deg; a floor that tilts more is worth a warning
+_STATED, _CAMERAS, _HABIT, _AXIS = 5.0, 6.0, 3.0, 0.7  # what each adds to the logarithm of the odds
 
 
 @dataclass(frozen=True)
@@ -39,120 +43,272 @@ class FileFrame:
     """How a file's coordinates become the scan's: z up, metres.
 
     Attributes:
-        up: direction in the file, a key of UP.
+        up: unit vector in the file's coordinates.
         unit: metres a unit of the file.
         why_up: evidence for the direction.
         why_unit: evidence for the unit.
+        confidence: probability that the direction is right; None where it was given.
         doubts: what is uncertain, for a warning each.
     """
 
-    up: str
+    up: tuple[float, float, float]
     unit: float
     why_up: str
     why_unit: str
+    confidence: float | None = None
     doubts: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The direction, as a key of UP or as a vector."""
+        return name(np.array(self.up))
+
+    @property
+    def tilt(self) -> float:
+        """Angle between the direction and the nearest axis of the file [deg]."""
+        return _angle(np.array(self.up), np.array(UP[_axis(np.array(self.up))]))
 
     @property
     def rotation(self) -> np.ndarray:
         """Rotation [3 3] of the file's coordinates; glTF's (x, y, z) becomes (x, -z, y)."""
-        up = np.array(UP[self.up])
-        kept = np.array(UP["y"] if abs(up[0]) else UP["x"])  # a horizontal direction that stays
-        return np.stack([kept, np.cross(up, kept), up])
+        axis = np.array(UP[_axis(np.array(self.up))])
+        fixed = np.array(UP["y"] if abs(axis[0]) else UP["x"])  # a horizontal direction that stays
+        turn = np.stack([fixed, np.cross(axis, fixed), axis])
+        leveled: np.ndarray = _to_z(turn @ np.array(self.up)) @ turn
+        return leveled
 
     def apply(self, points: np.ndarray) -> np.ndarray:
         """Return points [point 3] with z up, in metres."""
         turned: np.ndarray = points @ self.rotation.T * self.unit
         return turned
 
+    def summary(self) -> str:
+        """Return what was done, in one line."""
+        sure = "as given" if self.confidence is None else f"confidence {self.confidence:.2f}"
+        leveled = f", levelled by {self.tilt:.1f} deg" if self.tilt > 1e-3 else ""
+        return f"up: {self.name}{leveled}; {sure}; unit {self.unit_name}"
 
-def find(vertices: np.ndarray, faces: np.ndarray, stated: Stated, up: str, unit: str) -> FileFrame:
-    """Return the frame: as given, else as the file states it, else as the room tells.
+    @property
+    def unit_name(self) -> str:
+        """The unit, as a key of UNITS or in metres."""
+        return next((key for key, metres in UNITS.items() if metres == self.unit), f"{self.unit:g} m")
+
+
+def find(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    stated: Stated,
+    up: str | Sequence[float],
+    unit: str,
+    level: bool = False,
+    habit: Stated | None = None,
+    cameras: np.ndarray | None = None,
+) -> FileFrame:
+    """Return the frame: as given, else as the file states it, else as its name or the room tells.
 
     Args:
         vertices: shape [vertex 3].
-        faces: shape [face 3].
+        faces: counter-clockwise as seen from the room, shape [face 3].
         stated: the file's own statement.
-        up: a key of UP, or "auto".
+        up: a key of UP, a vector of any length, or "auto".
         unit: a key of UNITS, or "auto".
+        level: Correct the direction to the floor's, up to `upright.CORRECTED` degrees.
+        habit: the frame that files of such a name have; None for any other name.
+        cameras: up direction that the poses of cameras speak for, unit, shape [3]; None without cameras.
 
     Raises:
-        InputError: neither file nor room tells, or the room contradicts the file's unit.
+        InputError: neither file nor room tells, or the room contradicts the file.
     """
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    direction, why_up, doubts = _up(corners, normals, stated, up)
-    height = _height(corners, normals, np.array(UP[direction]))
-    factor, why_unit, more = _unit(height, stated, unit)
-    return FileFrame(direction, factor, why_up, why_unit, (*doubts, *more))
+    said = stated if stated.up or not habit else Stated(habit.up, stated.unit or habit.unit, habit.by)
+    if isinstance(up, str) and up == "auto":
+        metres, by_name = UNITS.get(unit, said.unit), stated.up is None
+        direction, why, confidence, doubts = _detect(vertices, faces, said, metres, by_name, cameras)
+    else:
+        direction, why, confidence, doubts = _given(up), "as given", None, ()
+    direction, why, tilted = _leveled(vertices, faces, direction, why, level)
+    height = _height(vertices, faces, direction)
+    factor, why_unit, more = _unit(height, said, unit)
+    values = tuple(float(x) for x in direction)
+    return FileFrame((values[0], values[1], values[2]), factor, why, why_unit, confidence, (*doubts, *tilted, *more))
 
 
-def _up(corners: np.ndarray, normals: np.ndarray, stated: Stated, asked: str) -> tuple[str, str, tuple[str, ...]]:
-    """Return the up direction, why, and doubts about it."""
-    if asked != "auto":
-        return asked, "as given", ()
-    scores = {name: _floor_score(corners, normals, np.array(direction)) for name, direction in UP.items()}
-    best, second = sorted(scores, key=lambda name: -scores[name])[:2]
-    clear = scores[best] > _SEEN and scores[best] > _CLEAR * scores[second]
-    told = ", ".join(f"{name} {score:.2f}" for name, score in scores.items())
-    if stated.up:
-        doubt = f"{stated.by} states {stated.up} up, but the floor seems to face {best} ({told}); if so, give up={best}"
-        return stated.up, f"stated by {stated.by}", (doubt,) if clear and best != stated.up else ()
-    if not clear:
-        raise InputError(
-            f"the up axis cannot be told from the room (floor evidence: {told}); give up=y or up=z (or x, -x, -y, -z)"
-        )
-    return best, f"floor evidence {scores[best]:.2f}, next {second} {scores[second]:.2f}", ()
+def name(direction: np.ndarray) -> str:
+    """Return a direction [3] as a key of UP where it is one, else as a vector."""
+    axis = _axis(direction)
+    if np.allclose(direction, UP[axis], atol=1e-6):
+        return axis
+    return "(" + ", ".join(f"{x + 0.0:.2f}" for x in direction) + ")"
 
 
-def _floor_score(corners: np.ndarray, normals: np.ndarray, up: np.ndarray) -> float:
-    """Return how much a room looks as if a direction were up, 0 to 1: coverage of the footprint by a floor, times asymmetry.
+def _given(up: str | Sequence[float]) -> np.ndarray:
+    """Return a direction that was asked for, unit, shape [3]."""
+    if isinstance(up, str):
+        if up not in UP:
+            raise InputError(f"key 'up' is {up!r}; possible: auto, {', '.join(UP)}, or a vector as up=[0,-0.8,-0.6]")
+        return np.array(UP[up])
+    vector = np.array(up, dtype=float)
+    length = float(np.linalg.norm(vector))
+    if vector.shape != (3,) or not np.isfinite(vector).all() or length < 1e-9:
+        raise InputError(f"key 'up' is {list(up)}; give three finite numbers that are not all 0, as up=[0,-0.8,-0.6]")
+    direction: np.ndarray = vector / length
+    return direction
 
-    Floor and ceiling face each other as opposite walls do. But between them tops of furniture outweigh the undersides, while the
-    fronts of furniture along opposite walls balance.
+
+def _detect(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    stated: Stated,
+    metres: float | None,
+    by_name: bool,
+    cameras: np.ndarray | None,
+) -> tuple[np.ndarray, str, float, tuple[str, ...]]:
+    """Return the up direction, why, its probability, and doubts about it.
+
+    Raises:
+        InputError: it is not clear, or the surface contradicts the statement.
     """
-    area = np.linalg.norm(normals, axis=1) / 2
-    facing = normals @ up / np.maximum(2 * area, np.finfo(float).tiny)
-    low, high = _span(corners, area, up)
-    across = [np.subtract(*_span(corners, area, axis)[::-1]) for axis in np.eye(3)[np.abs(up) < 0.5]]
-    footprint = float(np.prod(across))
-    if footprint <= 0 or high <= low:
-        return 0.0
-    height = (corners.mean(axis=1) @ up - low) / (high - low)
-    between = (height > _ENDS) & (height < 1 - _ENDS)
-    tops, undersides = (float(area[between & (sign * facing > _LEVEL)].sum()) for sign in (1, -1))
-    floor = float(area[(facing > _LEVEL) & (height <= _ENDS)].sum())
-    asymmetry = (tops - undersides) / (tops + undersides + _TOPS * footprint)
-    return min(1.0, floor / footprint) * max(0.0, asymmetry)
+    found = upright.candidates(vertices, faces, metres)
+    if stated.up is None:
+        return _undeclared(vertices, faces, found, cameras)
+    axis = np.array(UP[stated.up])
+    odds = _odds(found, axis, _HABIT if by_name else _STATED)
+    best = int(np.argmax(odds)) if found else 0
+    if not found or _angle(found[best].up, axis) < _SAME:
+        return axis, f"stated by {stated.by}", float(odds[best]) if found else 1.0, ()
+    near = min(_angle(candidate.up, axis) for candidate in found)
+    alone = _odds(found, None, 0.0)
+    if (
+        near > _SAME
+        and alone.max() >= upright.required(found, found[int(np.argmax(alone))])
+        and not upright.reasons(found[int(np.argmax(alone))])
+    ):
+        best = int(np.argmax(alone))
+        doubt = f"{stated.by} states {stated.up} up, but no level surface faces it; the room is levelled by its surface"
+        return found[best].up, "by the surface, against the file", float(alone[best]), (doubt,)
+    raise InputError(
+        f"{stated.by} states {stated.up} up, but the surface speaks for {_list(found, odds)}; "
+        f"give up={stated.up} or another direction"
+    )
 
 
-def _span(corners: np.ndarray, area: np.ndarray, axis: np.ndarray) -> tuple[float, float]:
-    """Return between which coordinates along an axis all but 1 % of the area lies, at either end."""
-    along = corners.mean(axis=1) @ axis
-    order = np.argsort(along)
-    total = np.cumsum(area[order])
-    low, high = np.searchsorted(total, [0.01 * total[-1], 0.99 * total[-1]])
-    return float(along[order][low]), float(along[order][min(high, len(order) - 1)])
+def _undeclared(
+    vertices: np.ndarray, faces: np.ndarray, found: list[Candidate], cameras: np.ndarray | None
+) -> tuple[np.ndarray, str, float, tuple[str, ...]]:
+    """Return the up direction that the surface alone tells, why, its probability, and no doubt.
+
+    Raises:
+        InputError: it is not clear.
+    """
+    give = "give up=y or up=z (or x, -x, -y, -z) or a vector, as up=[0,-0.8,-0.6]"
+    if not found:
+        raise InputError(f"the up axis cannot be told from the surface, which is flat nowhere; {give}")
+    odds = _odds(found, cameras, _CAMERAS)
+    best = int(np.argmax(odds))
+    reasons = upright.reasons(found[best])
+    if odds[best] < (needed := upright.required(found, found[best])) or reasons:
+        why = f" ({'; '.join(reasons)})" if reasons else f" (less sure than {needed:.2f})"
+        raise InputError(f"the up axis cannot be told from the room{why}: {_list(found, odds)}; {give}")
+    floor = upright.floor_normal(vertices, faces, found[best].up)
+    direction = found[best].up if floor is None else floor
+    axis = _axis(direction)
+    if _angle(direction, np.array(UP[axis])) < _SNAP:
+        direction = np.array(UP[axis])
+    return direction, "by the surface" if cameras is None else "by the surface and the cameras", float(odds[best]), ()
 
 
-def _height(corners: np.ndarray, normals: np.ndarray, up: np.ndarray) -> float:
-    """Return the height of what was scanned, in the file's unit."""
-    along = corners @ up
-    if len(corners) < 100:  # quantiles of centres of a few large faces say little
-        return float(np.ptp(along))
-    low, high = _span(corners, np.linalg.norm(normals, axis=1), up)
-    return high - low
+def _odds(found: list[Candidate], stated: np.ndarray | None, belief: float) -> np.ndarray:
+    """Return the probability of each candidate, given what is stated."""
+    if not found:
+        return np.zeros(0)
+    scores = np.array([candidate.score for candidate in found])
+    for i, candidate in enumerate(found):
+        if stated is not None:
+            scores[i] += belief * (_angle(candidate.up, stated) < _SAME)
+        else:
+            scores[i] += _AXIS * (min(_angle(candidate.up, np.array(UP[axis])) for axis in ("y", "z", "-y")) < _SNAP)
+    powers = np.exp(scores - scores.max())
+    odds: np.ndarray = powers / powers.sum()
+    return odds
+
+
+def _list(found: list[Candidate], odds: np.ndarray) -> str:
+    """Return the likeliest candidates with their probabilities, for a message."""
+    order = np.argsort(-odds)[:3]
+    return ", ".join(f"{_short(found[i].up)} {odds[i]:.2f}" for i in order)
+
+
+def _short(direction: np.ndarray) -> str:
+    axis = _axis(direction)
+    return (
+        axis
+        if _angle(direction, np.array(UP[axis])) < _SNAP
+        else "[" + ",".join(f"{x + 0.0:.2f}" for x in direction) + "]"
+    )
+
+
+def _leveled(
+    vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray, why: str, level: bool
+) -> tuple[np.ndarray, str, tuple[str, ...]]:
+    """Return a direction, corrected to the floor's if asked; else a doubt if the floor tilts much against it.
+
+    Raises:
+        InputError: it shall be corrected, and there is no floor.
+    """
+    floor = upright.floor_normal(vertices, faces, direction)
+    if floor is None:
+        if level:
+            raise InputError(
+                f"no floor lies within {upright.CORRECTED:g} deg of up {name(direction)}; give level=false"
+            )
+        return direction, why, ()
+    tilt = _angle(floor, direction)
+    if level:
+        return floor, f"{why}, corrected by {tilt:.2f} deg to the floor", ()
+    return (
+        direction,
+        why,
+        (f"the floor tilts by {tilt:.1f} deg; if that is an error, give level=true",) if tilt > _TILT else (),
+    )
+
+
+def _axis(direction: np.ndarray) -> str:
+    """Return the key of UP that is nearest to a direction [3]."""
+    return max(UP, key=lambda key: float(np.array(UP[key]) @ direction))
+
+
+def _angle(first: np.ndarray, second: np.ndarray) -> float:
+    """Return the angle between two unit vectors [deg]."""
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second)))
+
+
+def _to_z(direction: np.ndarray) -> np.ndarray:
+    """Return the smallest rotation [3 3] that turns a unit vector within 90 degrees of z to z."""
+    x, y, z = direction
+    if z > 1 - 1e-15:
+        return np.eye(3)
+    scale = 1 / (1 + z)
+    return np.array([[1 - x * x * scale, -x * y * scale, -x], [-x * y * scale, 1 - y * y * scale, -y], [x, y, z]])
+
+
+def _height(vertices: np.ndarray, faces: np.ndarray, up: np.ndarray) -> float:
+    """Return the height of what was scanned, without strays, in the file's unit."""
+    if len(faces) < 100:  # quantiles of a few large faces say little
+        return float(np.ptp(vertices[faces].reshape(-1, 3) @ up))
+    return upright.height(vertices, faces, up)
 
 
 def _unit(height: float, stated: Stated, asked: str) -> tuple[float, str, tuple[str, ...]]:
     """Return metres a unit, why, and doubts about it."""
     if asked != "auto":
         return UNITS[asked], "as given", ()
-    usual = [name for name, factor in UNITS.items() if TYPICAL[0] <= factor * height <= TYPICAL[1]]
-    possible = [name for name, factor in UNITS.items() if POSSIBLE[0] <= factor * height <= POSSIBLE[1]]
+    usual = [key for key, factor in UNITS.items() if TYPICAL[0] <= factor * height <= TYPICAL[1]]
+    possible = [key for key, factor in UNITS.items() if POSSIBLE[0] <= factor * height <= POSSIBLE[1]]
     if stated.unit is not None:
         return stated.unit, f"stated by {stated.by}", _stated_doubts(height, stated, possible)
     if usual:
         return UNITS[usual[0]], f"the room is {height * UNITS[usual[0]]:.2f} m high in {usual[0]}", ()
+    if PARTIAL[0] <= height <= PARTIAL[1]:
+        return 1.0, f"{height:.2f} m high in m: a part of a room, or a high one", ()
     if len(possible) == 1:
         doubt = f"the room would be {height * UNITS[possible[0]]:.2f} m high in {possible[0]}; if it is not, give unit="
         return UNITS[possible[0]], f"the only unit in which {height:.4g} is a room's height", (doubt + "m|cm|mm|in",)
@@ -171,7 +327,7 @@ def _stated_doubts(height: float, stated: Stated, possible: list[str]) -> tuple[
     assert stated.unit is not None
     metres = height * stated.unit
     if BELIEVED[0] <= metres <= BELIEVED[1]:
-        usual = POSSIBLE[0] <= metres <= POSSIBLE[1]
+        usual = PARTIAL[0] <= metres <= PARTIAL[1]
         return () if usual else (f"what was scanned is {metres:.3g} m high; if that is wrong, give unit=",)
     other = f", but a room in {' or '.join(possible)}" if possible else ""
     give = f"unit={possible[0]}" if possible else "unit=m|cm|mm|in"

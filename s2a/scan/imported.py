@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,14 @@ from typing import Any
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan import frame, mesh_files
+from s2a.scan import box_files, frame, labelled_boxes, mesh_files, quest_file
 from s2a.scan.bake import Baked, bake
 from s2a.scan.folder import MESH
 from s2a.scan.frame import FileFrame
+from s2a.scan.habits import habit
+from s2a.scan.labelled_boxes import LabelledBox
 from s2a.scan.ply_writer import write_ply
+from s2a.scan.source import SourceMesh
 from s2a.scene.scene import Mesh
 
 RECORD = "import.json"
@@ -35,6 +39,7 @@ class Imported:
         offset: scan's coordinates less the file's turned and scaled ones [m], shape [3].
         source_faces: number of faces in the file.
         degenerate: number of faces without area, which keep their places.
+        boxes: labelled boxes of the capture, in the scan's coordinates [m].
     """
 
     frame: FileFrame
@@ -43,59 +48,111 @@ class Imported:
     offset: np.ndarray
     source_faces: int
     degenerate: int
+    boxes: tuple[LabelledBox, ...] = ()
 
 
-def convert(path: Path, texel: float, up: str, unit: str, floor: bool) -> Imported:
+def convert(
+    path: Path,
+    texel: float,
+    up: str | Sequence[float],
+    unit: str,
+    floor: bool,
+    level: bool = False,
+    labels: Path | None = None,
+) -> Imported:
     """Read a mesh file and turn it into a scan: z up, metres, vertex colours, faces in their order.
 
     Args:
         path: GLB, glTF, OBJ, PLY or USD.
         texel: length of the edges to aim at where a texture has detail [m].
-        up: a key of `frame.UP`, or "auto".
+        up: a key of `frame.UP`, a vector, or "auto".
         unit: a key of `frame.UNITS`, or "auto".
         floor: Move the floor to z 0.
+        level: Correct a small tilt of the up direction to the floor's.
+        labels: file of labelled boxes in the mesh's coordinates; None for those that the file itself holds.
 
     Raises:
         InputError: the file is damaged, or neither it nor the room tells up axis or unit.
     """
-    source = mesh_files.read(path)
+    source, boxes = quest_file.read(path) if quest_file.recognise(path) else (mesh_files.read(path), [])
+    if labels or box_files.recognise(path):
+        boxes = [*boxes, *box_files.read(labels or path)]
+    return place(path, source, boxes, texel, up, unit, floor, level)
+
+
+def place(
+    path: Path,
+    source: SourceMesh,
+    boxes: Sequence[LabelledBox],
+    texel: float,
+    up: str | Sequence[float],
+    unit: str,
+    floor: bool,
+    level: bool,
+    cameras: np.ndarray | None = None,
+) -> Imported:
+    """Turn a mesh and its labelled boxes into a scan.
+
+    Args:
+        path: where they come from, for messages.
+        source: the mesh.
+        boxes: in the coordinates of the mesh.
+        texel: as in `convert`.
+        up: as in `convert`.
+        unit: as in `convert`.
+        floor: as in `convert`.
+        level: as in `convert`.
+        cameras: up direction that the poses of cameras speak for, shape [3]; None without cameras.
+
+    Raises:
+        InputError: neither the file nor the room tells up axis or unit.
+    """
     try:
-        found = frame.find(source.vertices, source.faces, source.stated, up, unit)
+        found = frame.find(source.vertices, source.faces, source.stated, up, unit, level, habit(path), cameras)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     baked = bake(source, texel / found.unit)
     points = found.apply(baked.vertices)
     offset = _offset(points, baked.faces, floor)
     mesh = Mesh(points + offset, baked.faces, baked.colors)
-    return Imported(found, baked, mesh, offset, len(source.faces), int((mesh.face_areas == 0).sum()))
+    placed = tuple(box.moved(found.rotation, found.unit, offset) for box in boxes)
+    return Imported(found, baked, mesh, offset, len(source.faces), int((mesh.face_areas == 0).sum()), placed)
 
 
 def write(done: Imported, source: Path, folder: Path) -> None:
-    """Write the scan's mesh, what was found, and the map of faces if any were split, into a new folder."""
+    """Write the scan's mesh, its labelled objects, what was found, and the map of faces that were split, into a new folder."""
     folder.mkdir()
     write_ply(folder / MESH, done.mesh)
     if len(done.mesh.faces) != done.source_faces:
         np.save(folder / SOURCE_FACES, done.baked.source_face.astype(np.int32))
+    if done.boxes:
+        labelled_boxes.write(folder, done.mesh.vertices, done.boxes)
     (folder / RECORD).write_text(json.dumps(record(done, source), indent=1), encoding="utf-8")
 
 
 def record(done: Imported, source: Path) -> dict[str, Any]:
     """Return what was found and done, for the folder: x_scan = matrix @ (x_file, 1)."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = done.frame.rotation * done.frame.unit
-    matrix[:3, 3] = done.offset
     return {
         "source": source.name,
-        "up": done.frame.up,
+        "up": done.frame.name if done.frame.name in frame.UP else list(done.frame.up),
+        "confidence": done.frame.confidence,
         "up_evidence": done.frame.why_up,
         "metres_per_unit": done.frame.unit,
         "unit_evidence": done.frame.why_unit,
-        "matrix": matrix.tolist(),
+        "matrix": matrix(done).tolist(),
         "source_faces": done.source_faces,
         "faces": len(done.mesh.faces),
         "vertices": len(done.mesh.vertices),
         "degenerate_faces": done.degenerate,
     }
+
+
+def matrix(done: Imported) -> np.ndarray:
+    """Return the transform from the file's coordinates to the scan's, shape [4 4]."""
+    transform = np.eye(4)
+    transform[:3, :3] = done.frame.rotation * done.frame.unit
+    transform[:3, 3] = done.offset
+    return transform
 
 
 def _offset(points: np.ndarray, faces: np.ndarray, floor: bool) -> np.ndarray:

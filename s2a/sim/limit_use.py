@@ -71,7 +71,7 @@ class LimitUse:
         """Begin with what the worlds are doing; they count as freshly reset."""
         self._sim, spec = sim, sim.robot
         self._limits, self._joints = Limits(spec, sim.device), len(spec.joints)
-        self._rate = 1.0 / (sim.config.dt * sim.config.substeps)
+        self._rate = sim.config.control_frequency
         sizes = {name: 2 if "finger" in name else len(spec.arm_joints) for name in (*COMMANDED, *MEASURED)}
         self.peaks = {name: torch.zeros(size, device=sim.device) for name, size in sizes.items()}
         self._remember()

@@ -46,7 +46,7 @@ class Recorder:
 
     def save(self, folder: Path) -> None:
         """Write a CSV file of `RobotSpec.recorded` for each world, pull_0.csv and so on."""
-        step = self._sim.config.dt * self._sim.config.substeps
+        step = self._sim.config.control_dt
         alive, rows = torch.stack(self._alive).cpu(), torch.stack(self._samples).cpu()
         for world in range(self._sim.num_envs):
             with (folder / f"pull_{world}.csv").open("w", newline="") as file:

@@ -177,6 +177,16 @@ class SimConfig:
     grip_stiffness: NotNegative | None = None
     coupled_fingers: bool = False
 
+    @property
+    def control_dt(self) -> float:
+        """Time of a control step [s]."""
+        return self.dt * self.substeps
+
+    @property
+    def control_frequency(self) -> float:
+        """Control steps a second [Hz]."""
+        return 1.0 / self.control_dt
+
     def gains_of(self, robot: RobotSpec) -> Gains:
         """Return the gains of a robot's position controller."""
         gains = self.gains or robot.gains

@@ -1,34 +1,56 @@
-"""What robots do: one folder a task, found by its name."""
+"""What robots do: one file a task, found by its name or by its path."""
 
 from __future__ import annotations
 
 import importlib
-import pkgutil
+import importlib.util
+import sys
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any
 
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.env.task import MdpConfig, Task, meanings
-from s2a.env.vec_env import VecEnv
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT
 from s2a.sim import pool
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
+from s2a.tasks.base import MdpConfig, Task, meanings
+from s2a.tasks.env import VecEnv
 
 
 def names() -> list[str]:
-    """Return the names of all tasks: the folders beside this file."""
-    return sorted(module.name for module in pkgutil.iter_modules(__path__) if module.ispkg)
+    """Return the names of the package's tasks: the files of conf/task."""
+    return sorted(path.stem for path in (config.folder() / "task").glob("*.yaml"))
 
 
 def task(name: str) -> type[Task]:
-    """Return a task by its name; InputError for an unknown one."""
-    if name not in names():
-        raise InputError(f"task {name!r} is unknown{config.nearest(name, names())}")
-    return importlib.import_module(f"s2a.tasks.{name}").TASK
+    """Return a task by its name or its file, FILE.py; InputError for an unknown one."""
+    if name.endswith(".py"):
+        module = _of_file(Path(name).expanduser().resolve())
+    elif name in names():
+        module = importlib.import_module(f"s2a.tasks.{name}")
+    else:
+        raise InputError(f"task {name!r} is unknown{config.nearest(name, names())}; or give a file, task=FILE.py")
+    kind = getattr(module, "TASK", None)
+    if not (isinstance(kind, type) and issubclass(kind, Task)):
+        raise InputError(f"{name}: no TASK; give it a subclass of s2a.tasks.base.Task, as docs/new_task.md shows")
+    return kind
+
+
+@cache
+def _of_file(file: Path) -> ModuleType:
+    """Return the module of a task's file; Warp looks for it among the modules."""
+    name = f"s2a_task_{file.stem}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    if not file.is_file() or spec is None or spec.loader is None:
+        raise InputError(f"{file}: no such file of a task")
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def of(values: Mapping[str, Any]) -> type[Task]:
@@ -38,7 +60,7 @@ def of(values: Mapping[str, Any]) -> type[Task]:
 
 
 MdpSettings = Annotated[MdpConfig, config.Chosen(lambda values: of(values).Config)]
-"""A command's key `task`: the numbers of a decision process."""
+"""A command's key `task`: the settings of a decision process."""
 MetricSettings = Annotated[Any, config.Chosen(lambda values: of(values).Metrics)]
 """A command's key `metrics`: the thresholds of what is reported."""
 RewardWeights = Annotated[dict[str, float], config.Described(lambda values: meanings(of(values).REWARDS))]
@@ -53,7 +75,7 @@ def make_env(
 
 
 def read_stages(
-    kind: type[Task], path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any
+    kind: type[Task], path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any, motion: Any
 ) -> list[SimStage]:
     """Return the stage of a room's part, as the task reads it; of the index of a pool those of all its parts.
 
@@ -64,13 +86,14 @@ def read_stages(
         robot: its name; None: the one that the room was prepared for.
         also: ids of further parts and free objects of a room that move.
         config: the task's settings.
+        motion: the planner's settings.
 
     Raises:
         InputError: as the task's; an unphysical room; an index of which something is to be chosen.
     """
     if not pool.is_index(path):
         refuse_unphysical(path)
-        return [kind.read_stage(path, part, robot, also, config)]
+        return [kind.read_stage(path, part, robot, also, config, motion)]
     if part or also:
         raise InputError(f"keys 'part' and 'also' choose from a room; {path} has the parts of a pool: leave them out")
     return pool.stages(path, robot or DEFAULT_ROBOT)

@@ -14,8 +14,9 @@ from gymnasium.vector.utils import batch_space
 from s2a import tasks
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.env.vec_env import VecEnv
+from s2a.motion.settings import PlannerConfig
 from s2a.sim.simulation import SimConfig, Simulation, device_of
+from s2a.tasks.env import VecEnv
 
 
 class TaskVectorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
@@ -109,6 +110,7 @@ def make(
     mdp = config.load(kind.Config, values["task"])
     metrics: Any = config.load(kind.Metrics, values["metrics"])
     asked = any(each.startswith("robot=") for each in overrides)  # else the one that the room was prepared for
-    stages = tasks.read_stages(kind, Path(room), part, values["robot"]["name"] if asked else None, (), mdp)
+    motion, robot = config.load(PlannerConfig, values["planner"]), values["robot"]["name"] if asked else None
+    stages = tasks.read_stages(kind, Path(room), part, robot, (), mdp, motion)
     sim = Simulation(stages, config.load(SimConfig, values["sim"]), num_envs, device_of(device))
     return TaskVectorEnv(tasks.make_env(sim, mdp, metrics, values["reward"], seed, final_observation=True))

@@ -14,13 +14,13 @@ from drawer_room import FLOOR, drawer_room
 
 from s2a.commands import cli
 from s2a.learn.collect.episode import read, write
-from s2a.planner.motion import Planner
-from s2a.planner.object_grasps import matrix
-from s2a.planner.shifted_object import ShiftedObject
+from s2a.motion.correction import Correction, lead_object
+from s2a.motion.policy import Planner
+from s2a.motion.put_in import PutStage
 from s2a.robot.kinematics import kinematics
+from s2a.robot.tool_path import matrix
 from s2a.scene.scene import Mesh
-from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
-from s2a.tasks.put_in.skill import PutStage
+from s2a.tasks.pick_place import PickPlaceConfig, PickPlaceMetrics
 
 QUICK = ["device=cpu", "num_envs=2", "every=20", "views.width=32", "views.height=32"]
 START, GOAL = "0.2 0.1 0.828", "0.2 -0.2 0.828"
@@ -62,7 +62,7 @@ def test_the_object_stands_elsewhere_in_every_episode_and_ends_at_its_place(pick
 def test_demonstrations_of_shifted_objects_can_be_played_again(
     picked: tuple[Path, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("s2a.tasks.pick_place.skill.plan_pick", None)  # nothing is planned again
+    monkeypatch.setattr("s2a.motion.pick.plan_pick", None)  # nothing is planned again
     assert cli.main(["replay", f"stage={picked[0]}", f"dataset={picked[1]}", "device=cpu"]) == 0
     assert "2 of 2 episodes succeed when played again" in capsys.readouterr().out
 
@@ -73,9 +73,9 @@ def test_the_grasp_moves_with_the_object(picked: tuple[Path, Path]) -> None:
     from settings import load
 
     from s2a import tasks
-    from s2a.planner.part_plan import PlannerConfig
+    from s2a.motion.pick import PickStage
+    from s2a.motion.settings import PlannerConfig
     from s2a.sim.simulation import SimConfig, Simulation
-    from s2a.tasks.pick_place.skill import PickStage
 
     stage = read(PickStage, picked[0], picked[1])
     sim = Simulation(stage, load(SimConfig, "sim/pick_place"), 2)
@@ -83,25 +83,25 @@ def test_the_grasp_moves_with_the_object(picked: tuple[Path, Path]) -> None:
     env = tasks.make_env(sim, config, load(PickPlaceMetrics, "metrics/pick_place"), {}, 0, graph=False)
     planner = Planner(env, load(PlannerConfig, "planner/default"))
     trajectory = planner.trajectories[0]
-    marks = trajectory.picked
-    shifted = ShiftedObject(sim, trajectory, marks)
-    shifted.see(torch.ones(2, dtype=torch.bool))
+    marks = trajectory.anchor("object")
+    shifted = Correction(sim, [trajectory], [marks])
+    lead_object(shifted, sim, torch.ones(2, dtype=torch.bool))
     kin, base = kinematics(sim.robot), matrix(stage.base)
     first = sim.layout.part_coord
     pose = matrix(sim.joint_q[1, first : first + 7].numpy().astype(float))
-    for step in (marks.near, trajectory.closed, marks.lifted):
+    for step in (marks.first, trajectory.closed, marks.last):
         arm = trajectory.targets[step, :7]
         added = shifted(torch.tensor([step, step]))[1].numpy()
         expected = pose @ np.linalg.inv(matrix(stage.start)) @ base @ kin.tool(arm[None])[0]
         np.testing.assert_allclose(base @ kin.tool((arm + added)[None])[0], expected, atol=5e-4)
-    for step in (marks.begin, marks.above, len(trajectory.targets) - 1):
+    for step in (marks.begin, marks.end, len(trajectory.targets) - 1):
         assert np.abs(shifted(torch.tensor([step, step])).numpy()).max() < 1e-6
 
 
 def test_a_stage_comes_back_from_its_file(tmp_path: Path) -> None:
-    from s2a.planner.insides import inside_of
-    from s2a.planner.pick_plan import PickPlan
-    from s2a.planner.put_in import PutPlan
+    from s2a.motion.insides import inside_of
+    from s2a.motion.pick_plan import PickPlan
+    from s2a.motion.put_in import PutPlan
     from s2a.scene.scene import Joint
 
     room = drawer_room(tmp_path / "sim.usda")

@@ -14,14 +14,14 @@ from settings import load
 from s2a import robot
 from s2a.commands import bench, cli
 from s2a.core import config
-from s2a.env import starts
-from s2a.env.starts import Demonstration
-from s2a.planner.part_plan import PlannerConfig, demonstration
+from s2a.motion.open import demonstration, opening_path
+from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import Demonstration
 from s2a.scene.scene import Joint
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.skill import tool_path
+from s2a.tasks import starts
 
 HINGE = Joint("revolute", (0.0, 0.0, 1.0), (HANDLE[0] - 0.02, 0.37, 0.7), (0.0, 1.2))
 QUICK = ["device=cpu", "episodes=2", "steps=3"]
@@ -67,7 +67,7 @@ def test_a_result_stays_with_its_part(index: Path, tmp_path: Path, monkeypatch: 
     def counted(env: object, policy: object) -> dict[str, torch.Tensor]:
         stage = torch.tensor(env.sim.stage_of_env, dtype=torch.float)
         hinge = torch.tensor([each.joint.kind == "revolute" for each in env.sim.stages])[stage.long()].float()
-        return {name: hinge for name in env.task.METRICS}
+        return {name: hinge for name in env.task.RESULTS.names}
 
     monkeypatch.setattr(bench, "run_episodes", counted)
     out = tmp_path / "o.json"
@@ -83,7 +83,7 @@ def test_policies_see_the_grasp_as_far_off_as_asked(
     def watched(env: object, policy: object) -> dict[str, torch.Tensor]:
         env.reset_all()
         seen.append(env.task.seen_grasp())
-        return {name: torch.zeros(env.num_envs) for name in env.task.METRICS}
+        return {name: torch.zeros(env.num_envs) for name in env.task.RESULTS.names}
 
     monkeypatch.setattr(bench, "run_episodes", watched)
     out = f"out={tmp_path / 'o.json'}"
@@ -99,7 +99,7 @@ def test_policies_see_the_grasp_as_far_off_as_asked(
 def test_the_planner_opens_what_it_has_a_motion_for(tmp_path: Path) -> None:
     write_cabinet(tmp_path / "a_0.usda")
     sim = Simulation(read_stage(tmp_path / "a_0.usda"), load(SimConfig, "sim/varied"), 1)
-    motion = demonstration(sim, load(PlannerConfig, "planner/default"), lambda stage, path: tool_path(stage, path))
+    motion = demonstration(sim, load(PlannerConfig, "planner/default"), lambda stage, path: opening_path(stage, path))
     starts.save(motion, tmp_path / "a.npz")
     pool.write(tmp_path / "pool.json", [pool.PoolPart("a_0.usda", "drawer_2", "prismatic", "bar", "a.npz")], {}, {})
     out = tmp_path / "planner.json"

@@ -29,7 +29,7 @@ from side_by_side import gpu_slots, run
 from s2a.commands import train
 from s2a.core import config
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.metrics import VERSION
+from s2a.tasks.open_part import OpenPart
 
 ROOT = Path(__file__).parents[2]
 
@@ -61,7 +61,7 @@ def test_what_was_measured_before_the_run_went_on_is_measured_again_and_says_its
     assert not job.evaluated
     job.measured.write_text(json.dumps({"policy": "run/model_1.pt", "success": {}}))
     assert not job.evaluated  # by an earlier version, which did not count all that is counted now
-    job.measured.write_text(json.dumps({"policy": "run/model_1.pt", "metrics_version": VERSION}))
+    job.measured.write_text(json.dumps({"policy": "run/model_1.pt", "metrics_version": OpenPart.RESULTS.version}))
     assert job.evaluated
     torch.save({}, run / "model_3.pt")
     for file in (job.measured, *run.iterdir()):  # as in a folder that was copied from another machine

@@ -117,7 +117,7 @@ ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "s2a/homes/draw.py": (("draw",), "random draws"),
     "s2a/homes/families/openings.py": (("openings",), "doors and windows of a room"),
     "s2a/homes/objects.py": (("picture",), "a framed one, which hangs on a wall"),
-    "s2a/tasks/open_part/config.py": (("openings",), "task.bonus_openings: displacements of the grasp point"),
+    "s2a/tasks/open_part.py": (("openings",), "task.bonus_openings: displacements of the grasp point"),
 }
 """Files with old words that stay, and why."""
 ALLOWED_KEYS = ("ppo.num_learning_epochs", "task.bonus_openings", "skills.open.task.bonus_openings", "wish")

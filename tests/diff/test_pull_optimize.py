@@ -14,16 +14,15 @@ from settings import load
 
 from s2a.core.errors import InputError
 from s2a.joints.pull_optimize import Optimum, PullConfig, PullLoss, optimize
-from s2a.joints.pulled import Moving, Pulled, pulled
+from s2a.joints.pulled import Arm, Moving, Pulled, pulled
 from s2a.learn.evaluate import evaluate
-from s2a.planner import pull_law
-from s2a.planner.arm import Arm
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig, planned_path
-from s2a.planner.pull_law import PullLaw
-from s2a.planner.trajectory import eased
+from s2a.motion import pull_law
+from s2a.motion.open import opening_path, planned_path
+from s2a.motion.policy import Planner
+from s2a.motion.pull_law import PullLaw
+from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import eased
 from s2a.scene.scene import Joint
-from s2a.tasks.open_part.skill import tool_path
 
 GOAL, SECONDS = 0.3, 1.0
 FREE = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -118,7 +117,7 @@ def test_gradients_are_those_of_central_differences(body: Moving, closing: bool)
 def test_the_planner_brings_the_part_to_its_goal_with_a_law(tmp_path: Path) -> None:
     env = make_env(write_cabinet(tmp_path / "sim.usda"), 2, sim="sim/planner", start_noise=0.0)
     own = load(PlannerConfig, "planner/default")
-    target = pulled(env.sim, *planned_path(env.sim, own, tool_path))
+    target = pulled(env.sim, *planned_path(env.sim, own, opening_path))
     (found,), _ = optimize([target], settings(peak=0.1, energy=1.0, min_seconds=2.0, max_seconds=2.0, beyond=0.03))
     pull_law.write(found.law, tmp_path / "law.json")
     result = evaluate(env, Planner(env, replace(own, pull_law=tmp_path / "law.json")))

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from drawer_room import drawer_room
 from mutations import mutated_json
+from settings import skills
 
 from s2a.commands import cli
 from s2a.core.errors import InputError
@@ -84,9 +85,9 @@ def test_odd_answers_are_used_or_go_back(stage: Path) -> None:
     from s2a.scene.usd import sim_stage
 
     room = sim_stage.read(stage, visuals=False)
-    context = RoomContext(room, None, "panda", 0.3)
+    context = RoomContext(room, None, "panda", 0.3, skills())
     facts = fact.gather(room, None, {}, "panda")
-    check = Checker(room, facts, context.robot, context.opening)
+    check = Checker(room, facts, context.robot, context.opening, context.skills)
     skill = {"skill": "open", "part": "drawer_2", "object": None, "support": None}
     answer = {"skills": [skill], "refusal": None, "reason": "", "options": []}
     words = b'{ } [ ] " : , \\u0000 \\ud800 null true NaN 1e999 put_in drawer_2 cube_9 impossible skills part'.split(
@@ -97,7 +98,15 @@ def test_odd_answers_are_used_or_go_back(stage: Path) -> None:
     for _ in range(300):
         text = mutated_json(answer, words, dice).decode(errors="replace")
         try:
-            found = plan(lambda _, text=text: Answer(text, "odd"), "open it", facts, check, 0, UsageLog((0.0, 0.0)))
+            found = plan(
+                lambda _, text=text: Answer(text, "odd"),
+                "open it",
+                facts,
+                check,
+                0,
+                UsageLog((0.0, 0.0)),
+                context.skills,
+            )
         except InputError:
             continue
         used += 1

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from drawer_room import drawer_room
+from settings import skills
 
 from s2a.core.errors import InputError
 from s2a.language.do import plan as prompts
@@ -26,8 +27,8 @@ PUT = {"skill": "put_in", "part": "drawer_2", "object": "cube_9", "support": Non
 PLACE = {"skill": "pick_place", "part": None, "object": "cube_9", "support": "cabinet_1"}
 
 
-def said(*skills: dict[str, Any], **more: Any) -> str:
-    return json.dumps({"skills": skills, "refusal": None, "reason": "", "options": [], **more})
+def said(*plan: dict[str, Any], **more: Any) -> str:
+    return json.dumps({"skills": plan, "refusal": None, "reason": "", "options": [], **more})
 
 
 NO = said(refusal="impossible", reason="no")
@@ -51,7 +52,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> SimRoom:
 
 @pytest.fixture(scope="module")
 def context(room: SimRoom) -> RoomContext:
-    return RoomContext(room, None, "panda", 0.3)
+    return RoomContext(room, None, "panda", 0.3, skills())
 
 
 def feedback(context: RoomContext, answer: str, state: RoomChange | None = None) -> str:
@@ -104,7 +105,7 @@ def test_plans_that_go_back(context: RoomContext, answer: str, word: str) -> Non
 
 def test_an_object_that_is_too_high_for_a_drawer_goes_back(tmp_path: Path) -> None:
     high = drawer_room(tmp_path / "high.usda", side=0.2)
-    assert "cube_9" in feedback(RoomContext(high, None, "panda", 0.3), said(PUT))
+    assert "cube_9" in feedback(RoomContext(high, None, "panda", 0.3, skills()), said(PUT))
 
 
 def test_what_stands_open_is_closed_and_not_opened(context: RoomContext) -> None:
@@ -115,7 +116,7 @@ def test_what_stands_open_is_closed_and_not_opened(context: RoomContext) -> None
 
 
 def test_a_robot_without_a_base_pose_cannot_open(room: SimRoom) -> None:
-    assert "out of reach" in feedback(RoomContext(room, None, "baxter", 0.3), said(OPEN))
+    assert "out of reach" in feedback(RoomContext(room, None, "baxter", 0.3, skills()), said(OPEN))
 
 
 @pytest.mark.parametrize("sentence", ["", "   ", "\x1b[2Jopen", "a" * (MAX_SENTENCE + 1), "open " * 2000, "open\x00"])

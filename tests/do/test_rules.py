@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 
 import pytest
+from settings import skills
 
 from s2a.language.do.facts import RoomPart
 from s2a.language.do.plan import SkillPlan, plan
@@ -50,7 +51,7 @@ FACTS = {each.id: each for each in THINGS}
 
 def planned(sentence: str, facts: dict[str, RoomPart] = FACTS) -> SkillPlan:
     """Return what the rules plan, in a room where every plan fits."""
-    return plan(rules, sentence, facts, lambda _: None, 0, UsageLog((0.0, 0.0)))
+    return plan(rules, sentence, facts, lambda _: None, 0, UsageLog((0.0, 0.0)), skills())
 
 
 def words(sentence: str) -> list[str]:

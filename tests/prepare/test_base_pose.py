@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -16,12 +15,13 @@ from scipy.spatial.transform import Rotation
 from settings import load
 
 from s2a import robot
-from s2a.planner.part_plan import PlannerConfig, joint_paths
-from s2a.prepare import base_pose
-from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
+from s2a.motion import search
+from s2a.motion.obstacles import Obstacles
+from s2a.motion.open import joint_paths, opening_path
+from s2a.motion.search import Stand
+from s2a.motion.settings import PlannerConfig
+from s2a.prepare.base_pose import BaseConfig, BasePose, Surroundings, find_base
 from s2a.prepare.grasp import find_grasp, floor_height
-from s2a.prepare.obstacles import Obstacles
-from s2a.prepare.path_clearance import path_collision
 from s2a.prepare.room import PrepareConfig, prepare
 from s2a.robot.collision import robot_shape
 from s2a.robot.kinematics import Kinematics, kinematics
@@ -33,7 +33,6 @@ from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.sim.room import PEDESTAL, pedestal
 from s2a.sim.world import JointConfig, build_world, read_stage
-from s2a.tasks.open_part.skill import tool_path
 
 PANDA = robot.load("panda")
 
@@ -142,25 +141,16 @@ def test_low_and_high_handles_are_reached_from_elsewhere(height: float) -> None:
 def test_the_arm_does_not_reach_through_what_it_stands_on() -> None:
     # So low that the wrist comes back to the robot's foot at the height of a pedestal.
     scene = scanned_drawer(height=0.2)
-    low, found, shape = Obstacles(scene, [], np.zeros(3), 0.0), base(scene), robot_shape(PANDA)
+    low, found, shape = Obstacles.of_scan(scene, np.zeros(3), 0.0), base(scene), robot_shape(PANDA)
     assert found.free
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = Rotation.from_quat(found.orientation).as_matrix(), found.position
-    stand = low.with_pedestal(np.array(found.position), found.pedestal, PANDA.base.radius)
+    stand = low.with_column(np.array(found.position), found.pedestal, PANDA.base.radius)
     depths = []
     for path in follow(shape.kin, poses_of(scene, "drawer_7"), pose[None], config().ik_seeds)[0]:
         centers = shape.centers(path)[:, shape.moving] @ pose[:3, :3].T + pose[:3, 3]
-        radii = np.tile(shape.radii[shape.moving], len(path))
-        depths.append(stand.penetration(centers.reshape(-1, 3), radii, moving=True)[0])
+        depths.append(stand.deepest(centers, shape.radii[shape.moving])[0])
     assert min(depths) == 0.0
-
-
-@pytest.mark.parametrize(("ball", "depth"), [((0.2, 0.0, 0.1), 0.02), ((0.0, 0.0, 0.33), 0.07), ((0.0, 0.0, 0.5), 0.0)])
-def test_a_pedestal_is_an_upright_column_under_the_foot(ball: tuple[float, float, float], depth: float) -> None:
-    nothing = Obstacles(scanned_drawer(), [], np.array([50.0, 0.0, 0.0]), 0.1)
-    stand = nothing.with_pedestal(np.array([0.0, 0.0, 0.3]), 0.3, 0.12)
-    assert stand.penetration(np.array([ball]), np.array([0.1]), moving=True)[0] == pytest.approx(depth, abs=1e-9)
-    assert nothing.penetration(np.array([ball]), np.array([0.1]), moving=True)[0] == 0.0
 
 
 def test_the_arm_turns_to_the_handle_without_touching_anything() -> None:
@@ -171,12 +161,12 @@ def test_the_arm_turns_to_the_handle_without_touching_anything() -> None:
     halfway, end = shape.kin.tool(np.stack([(home + turned) / 2, turned]))
     low, high = halfway[:3, 3] - 0.05, halfway[:3, 3] + 0.05
     room = with_block(low, high, Scene("room", {}))
-    near, nothing = (Obstacles(room, [], np.array([x, 0.0, 0.0]), 1.6) for x in (0.0, 50.0))
-    around, still = np.stack([turned, turned]), np.stack([home, home])
-    depth, problem = path_collision(near, shape, np.eye(4), around[None])
-    assert 0.005 < depth < 0.2 and "block_99 on its path to the handle" in problem
-    assert path_collision(nothing, shape, np.eye(4), around[None])[0] == 0.0
-    assert path_collision(near, shape, np.eye(4), np.stack([around, still]))[0] == 0.0
+    near, nothing = (Obstacles.of_scan(room, np.array([x, 0.0, 0.0]), 1.6) for x in (0.0, 50.0))
+    around, still, stand = np.stack([turned, turned]), np.stack([home, home]), Stand(np.eye(4))
+    depth, problem = Surroundings(near, near, shape).meets(stand, around)
+    assert 0.005 < depth < 0.2 and problem == "block_99 on its path to the handle"
+    assert Surroundings(nothing, nothing, shape).meets(stand, around)[0] == 0.0
+    assert Surroundings(near, near, shape).meets(stand, still)[0] == 0.0
 
 
 def test_where_no_place_is_free_the_stage_says_so() -> None:
@@ -192,11 +182,11 @@ def test_inverse_kinematics_are_not_asked_for_where_the_robot_starts_in_somethin
     slab = with_block((0.7, -3.0, 0.5), (3.0, 3.0, 0.52))
     asked: list[int] = []
 
-    def counted(kin: Kinematics, poses: np.ndarray, bases: np.ndarray, ik_seeds: Sequence[int]) -> list[np.ndarray]:
+    def counted(kin: Kinematics, poses: np.ndarray, bases: np.ndarray, *more: object) -> list[np.ndarray]:
         asked.append(len(bases))
-        return follow(kin, poses, bases, ik_seeds)
+        return follow(kin, poses, bases, *more)
 
-    monkeypatch.setattr(base_pose, "follow", counted)
+    monkeypatch.setattr(search, "follow", counted)
     found = base(slab, pedestals=(0.0,), turns=(0.0,))
     assert not found.free and "no place is free" in found.reason
     # The preferred place, of which is said why it was not taken; then those where the robot collides least.
@@ -248,7 +238,7 @@ def test_the_planner_finds_the_joint_paths_that_the_base_search_found(high_up: S
     assert base_of(high_up).free
     settings, stage = load(PlannerConfig, "planner/default"), read_stage(tmp_path / "sim.usd")
     (articulation,) = high_up.articulations.values()
-    path = tool_path(stage, settings)
+    path = opening_path(stage, settings)
     searched = part_path(
         articulation.joint,
         np.array([*articulation.grasp.point, *articulation.grasp.orientation]),

@@ -17,12 +17,12 @@ from settings import load
 
 from s2a import robot
 from s2a.core.errors import InputError
-from s2a.planner.gripper_shape import gripper_spheres
-from s2a.planner.object_grasps import matrix
+from s2a.motion.gripper import gripper_spheres
 from s2a.prepare.base_pose import find_base
 from s2a.prepare.cabinet import cabinet_body
 from s2a.prepare.grasp import find_grasp
 from s2a.prepare.room import PrepareConfig, prepare
+from s2a.robot.tool_path import matrix
 from s2a.scene.geometry.convex import box, column, overlap, sweep
 from s2a.scene.geometry.front_panel import fraction_inside
 from s2a.scene.geometry.mesh_ops import keep, merge, sample

@@ -20,15 +20,15 @@ from settings import load
 from s2a import robot
 from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.learn.evaluate import evaluate
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig, demonstration
+from s2a.motion.open import demonstration, opening_path
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.prepare.grasp import find_grasp, grasp_frame
 from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.geometry.convex import contains
 from s2a.scene.geometry.front_panel import find_pocket, pocket_hulls
 from s2a.scene.usd import sim_stage
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.skill import tool_path
 
 FRONT = (np.array([1.0, 0.0, 0.0]), 0.0)
 GRIPPER = robot.load("panda").gripper
@@ -110,7 +110,7 @@ def test_the_planner_opens_it_by_a_grasp(room: Path) -> None:
 def test_an_episode_may_start_in_the_grip(room: Path) -> None:
     """Closed on the way, then 2 mm off the walls of a pocket of 50 mm: half of it less a finger of 15.2 mm."""
     env = make_env(read_stage(room), sim="sim/planner")
-    motion = demonstration(env.sim, load(PlannerConfig, "planner/default"), partial(tool_path, config=None))
+    motion = demonstration(env.sim, load(PlannerConfig, "planner/default"), partial(opening_path, config=None))
     fingers = motion.positions[:, 7:9]
     assert (fingers[: motion.grasped] == 0.0).all()
     assert fingers[motion.grasped :] == pytest.approx(0.025 - 0.0152 - 0.002, abs=1e-3)

@@ -9,8 +9,7 @@ from robot_spheres import BULGE, FINGER_BULGE, hulls
 from scipy.spatial import ConvexHull
 
 from s2a import robot
-from s2a.robot.collision import Surfaces, robot_shape
-from s2a.scene.scene import Mesh
+from s2a.robot.collision import robot_shape
 
 
 @pytest.mark.parametrize("name", robot.names())
@@ -38,16 +37,6 @@ def _outwards(spec, shape, poses, centers):
             planes = ConvexHull(solid.vertices).equations
             best = np.minimum(best, (local @ planes[:, :3].T + planes[:, 3]).max(axis=1) + shape.radii)
     return best
-
-
-def test_what_spheres_reach_into_is_named_with_the_depth() -> None:
-    bounds = {"near": [[0, 0, 0], [1, 1, 1]], "far": [[5, 0, 0], [6, 1, 1]]}
-    boxes = {i: trimesh.creation.box(bounds=ends) for i, ends in bounds.items()}
-    surfaces = Surfaces({i: Mesh(solid.vertices, solid.faces) for i, solid in boxes.items()})
-    depth, name = surfaces.penetration(np.array([[-0.05, 0.5, 0.5], [4.97, 0.5, 0.5]]), np.array([0.1, 0.1]))
-    assert (name, depth) == ("far", pytest.approx(0.07, abs=1e-6))
-    assert surfaces.penetration(np.array([[3.0, 0.5, 0.5]]), np.array([0.1])) == (0.0, "")
-    assert Surfaces({}).penetration(np.zeros((1, 3)), np.ones(1)) == (0.0, "")
 
 
 def test_a_folded_arm_collides_with_itself_and_the_home_pose_does_not() -> None:

@@ -15,16 +15,16 @@ from part_worlds import RADIUS, contacts, grasped, make_env, opening_forces, ter
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import evaluate
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.scene.geometry.mesh_ops import keep, normals
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd.sim_scene import Collider
 from s2a.sim.contacts import ContactSensor, touched
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
+from s2a.tasks.env import VecEnv
 
 LEFT, RIGHT, LINK, PART, OTHER = 0, 1, 2, 3, -1
 FOUND = ("normal", "on_region", "off_region", "other_links", "pull", "peak")
@@ -156,7 +156,7 @@ def test_a_grip_is_felt_on_the_region_and_pulls_the_drawer_as_mujoco_says(stage:
 def test_every_physics_step_is_felt_where_the_part_was_and_the_largest_force_is_kept(stage: SimStage) -> None:
     env = make_env(stage, sim="sim/planner")
     planner, felt = gripping(env), []
-    touch = wp.to_torch(env.task.handles.p.region_force)
+    touch = wp.to_torch(env.task.world.region_force)
 
     def watch() -> None:
         felt.append((contacts(env)["on_region"].clone(), touch.clone()))

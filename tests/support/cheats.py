@@ -9,10 +9,10 @@ import torch
 from cabinet import HANDLE, box
 from scipy.spatial.transform import Rotation
 
-from s2a.env.vec_env import VecEnv
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import follow, matrices
 from s2a.sim.simulation import Simulation
+from s2a.tasks.env import VecEnv
 
 OPEN, REACH = 0.04, 100
 """Finger position, fully open [m]; control steps from home to the first target."""

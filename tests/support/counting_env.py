@@ -6,14 +6,14 @@ from types import SimpleNamespace
 
 import torch
 
-from s2a.env.kernels import ERRORS
+from s2a.tasks.state import ERRORS
 
 OBSERVATIONS = 23
 TASK = SimpleNamespace(
-    REWARDS=tuple(SimpleNamespace(key=key) for key in ("near", "far")),
-    METRICS=("success", "tidy_success", "opening"),
-    VALUES=("opening",),
-    LOGGED=("tidy_success", "success"),
+    REWARDS=("near", "far"),
+    RESULTS=SimpleNamespace(
+        names=("success", "tidy_success", "opening"), values=("opening",), logged=("tidy_success", "success"), version=1
+    ),
     privileged=0,
 )
 """What a task says of itself to those who log."""
@@ -24,7 +24,7 @@ class CountingEnv:
 
     def __init__(self, num_envs: int = 2) -> None:
         self.num_envs, self.num_actions, self.max_episode_length = num_envs, 9, 500
-        self.sim, self.task, self.columns = SimpleNamespace(device="cpu"), TASK, (*TASK.METRICS, *ERRORS)
+        self.sim, self.task, self.columns = SimpleNamespace(device="cpu"), TASK, (*TASK.RESULTS.names, *ERRORS)
         self.observation = torch.zeros(num_envs, OBSERVATIONS)
         self.reward, self.terms = torch.zeros(num_envs), torch.zeros(num_envs, len(TASK.REWARDS))
         self.done = self.time_out = self.episode_step = torch.zeros(num_envs, dtype=torch.int32)

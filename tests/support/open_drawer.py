@@ -8,10 +8,10 @@ from cabinet import write_cabinet
 from settings import load
 
 from s2a import tasks
-from s2a.env.vec_env import VecEnv
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.close_part import ClosePartConfig, ClosePartMetrics
+from s2a.tasks.env import VecEnv
 
 
 def make_env(tmp_path: Path, num_envs: int = 2, stage: SimStage | None = None, **task: object) -> VecEnv:

@@ -12,13 +12,13 @@ from cabinet import HANDLE
 from settings import load
 
 from s2a import tasks
-from s2a.env.vec_env import VecEnv
 from s2a.scene.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
-from s2a.tasks.open_part.config import OpenPartConfig, OpenPartMetrics
-from s2a.tasks.part_functions import is_grasped, opening_force
-from s2a.tasks.part_handles import PartHandles
+from s2a.tasks.env import VecEnv
+from s2a.tasks.mdp.grasp import is_grasped, opening_force
+from s2a.tasks.mdp.world import World
+from s2a.tasks.open_part import OpenPartConfig, OpenPartMetrics
 
 RADIUS = 0.3
 """From the hinge to the handle [m], where a test makes the stage a hinge's."""
@@ -68,7 +68,7 @@ def open_to(env: VecEnv, opening: float | torch.Tensor, feel: Callable[[], objec
 
 def contacts(env: VecEnv) -> dict[str, torch.Tensor]:
     """Return tensors that share the memory of the contacts that the task reads."""
-    found = env.task.handles.p.contacts
+    found = env.task.world.contacts
     return {
         name: wp.to_torch(getattr(found, name)) for name in ("normal", "on_region", "off_region", "other_links", "pull")
     }
@@ -86,7 +86,7 @@ def column(env: VecEnv, name: str) -> list[float]:
 
 def term(env: VecEnv, name: str) -> torch.Tensor:
     """Return a reward term [world] of the last step."""
-    return env.terms[:, [each.key for each in env.task.REWARDS].index(name)]
+    return env.terms[:, list(env.task.REWARDS).index(name)]
 
 
 def opens_backwards(stage: SimStage) -> SimStage:
@@ -101,11 +101,11 @@ def hinge(stage: SimStage, limits: tuple[float, float] = (-0.5, 1.2)) -> SimStag
 
 
 @wp.kernel
-def _measure(h: PartHandles, sense: float, force: wp.array2d(dtype=float), grasped: wp.array(dtype=int)):
+def _measure(w: World, sense: float, force: wp.array2d(dtype=float), grasped: wp.array(dtype=int)):
     world = wp.tid()
     for i in range(2):
-        force[world, i] = opening_force(h.part[world], h.contacts.pull[world, i])
-    grasped[world] = int(is_grasped(h, h.contact_force, sense, world))
+        force[world, i] = opening_force(w.target[world], w.contacts.pull[world, i])
+    grasped[world] = int(is_grasped(w, w.number.contact_force, sense, world))
 
 
 def opening_forces(env: VecEnv) -> torch.Tensor:
@@ -120,5 +120,5 @@ def grasped(env: VecEnv, sense: float = 1.0) -> list[int]:
 
 def _measured(env: VecEnv, sense: float) -> tuple[torch.Tensor, torch.Tensor]:
     force, held = wp.zeros((env.num_envs, 2), dtype=float), wp.zeros(env.num_envs, dtype=int)
-    wp.launch(_measure, dim=env.num_envs, inputs=[env.task.handles.p, sense, force, held])
+    wp.launch(_measure, dim=env.num_envs, inputs=[env.task.world, sense, force, held])
     return wp.to_torch(force), wp.to_torch(held)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from s2a.homes.sample.sample import scan_room, truth_record
 from settings import load
 from solid_sweep import overlaps
 
@@ -22,13 +21,13 @@ from s2a.homes.capture import swallowed
 from s2a.homes.catalog import catalog
 from s2a.homes.furnishing import home
 from s2a.homes.pairs import HEAD_AIR, MAX_TURN, STEP, again, revisited
-from s2a.homes.sample import SampleConfig, sample
+from s2a.homes.sample import SampleConfig, sample, scan_room, truth_record
 from s2a.homes.scanner import DriftConfig, drifts, smoothed
 from s2a.homes.solids import box, join
-from s2a.homes.surface_nets import Net
 from s2a.scan import ply
 from s2a.scene.articulation import displace
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.geometry.surface_nets import Net
 from s2a.scene.usd import geometric
 
 ROOM = ("laundry", 10)

@@ -11,10 +11,10 @@ import warp as wp
 from s2a.homes.panorama import NoiseConfig, View, cast_panorama, measure, pixel_tangents
 from s2a.homes.project_to_scan import project_to_scan
 from s2a.homes.solids import box, join, rotation, translation
-from s2a.homes.surface_nets import Net, extract
 from s2a.homes.tsdf import FusionConfig, fuse
 from s2a.scene.geometry.mesh_ops import normals, sample_with_faces
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.geometry.surface_nets import Net, extract
 from s2a.scene.scene import Mesh
 
 EXACT = NoiseConfig(

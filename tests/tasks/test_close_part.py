@@ -10,8 +10,8 @@ from open_drawer import make_env
 from settings import load
 
 from s2a.learn.evaluate import evaluate
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 
 
 @pytest.mark.slow
@@ -39,6 +39,6 @@ def test_a_closed_part_and_an_open_one_are_told_apart(tmp_path: Path) -> None:
 def test_an_open_part_costs_what_its_weight_says(tmp_path: Path) -> None:
     env = make_env(tmp_path)
     env.step(torch.zeros(2, 9))
-    terms = dict(zip((term.key for term in env.task.REWARDS), env.terms[0].tolist(), strict=True))
+    terms = dict(zip(env.task.REWARDS, env.terms[0].tolist(), strict=True))
     assert terms["opening"] == pytest.approx(0.2, abs=0.01)
     assert float(env.reward[0]) == pytest.approx(1.5 * terms["distance"] - 10.0 * terms["opening"], abs=1e-4)

@@ -14,11 +14,11 @@ from part_worlds import make_env
 from settings import load
 
 from s2a.core.errors import InputError
-from s2a.env.vec_env import VecEnv
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.scene.scene import Joint
 from s2a.sim.world import SimStage, read_stage
+from s2a.tasks.env import VecEnv
 from s2a.tasks.part_description import Description, of_vector, truth
 
 HINGE = Joint("revolute", (0.0, 0.0, 1.0), (HANDLE[0] - 0.02, 0.37, 0.7), (0.0, 1.2))
@@ -65,7 +65,7 @@ def test_the_opening_is_followed_while_the_gripper_holds_the_handle_and_not_befo
     stage = read_stage(write_cabinet(tmp_path / "room.usda"))
     env = make_env(told(stage, truth(stage)), num_envs=2, sim="sim/planner", describe_part=True)
     planner = Planner(env, load(PlannerConfig, "planner/default"))
-    tracked, part = wp.to_torch(env.task.handles.p.tracked), env.sim.joint_q[:, env.sim.layout.part_coord]
+    tracked, part = wp.to_torch(env.task.world.tracked), env.sim.joint_q[:, env.sim.layout.part_coord]
     before = torch.zeros(2)
     for _ in range(planner.steps):
         env.step(planner(env.observation))

@@ -15,7 +15,7 @@ from s2a.commands import evaluate as verb
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.learn.evaluate import baseline, rate
-from s2a.tasks.open_part.metrics import METRICS, VERSION
+from s2a.tasks.open_part import OpenPart
 from s2a.view.playback import played
 
 
@@ -31,14 +31,16 @@ def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) ->
     metrics = json.loads((tmp_path / "zero.json").read_text())
     assert metrics["episodes"] == 3
     assert (metrics["stage"], metrics["policy"]) == ("sim.usda", "zero")
-    names = [name for name in METRICS if name not in ("opening", "grasped_fraction", "contact_force")]
+    names = list(OpenPart.RESULTS.rates)
     assert {"grasp_success", "open_30cm", "final_open_95pct"} <= set(names)
     for name in names:
         # Wilson's interval of 0 of 3: z^2 / (3 + z^2) = 3.84 / 6.84.
         assert metrics[name] == {"rate": 0.0, "low": 0.0, "high": pytest.approx(0.5615, abs=1e-4)}, name
     assert metrics["opening"]["mean"] == pytest.approx(0.0, abs=1e-4)
     assert metrics["invalid"] == metrics["row_overflow"] == metrics["contact_overflow"] == 0
-    assert metrics["metrics_version"] == VERSION and metrics["thresholds"]["success"] == pytest.approx(0.2)
+    assert metrics["metrics_version"] == OpenPart.RESULTS.version and metrics["thresholds"]["success"] == pytest.approx(
+        0.2
+    )
     assert "off_handle_success" in said and "0.0%" in said and "grasped_fraction" in said
 
 

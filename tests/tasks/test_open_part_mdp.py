@@ -23,8 +23,8 @@ from part_worlds import (
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.env.vec_env import VecEnv
 from s2a.sim.world import SimStage, read_stage
+from s2a.tasks.env import VecEnv
 
 WORLDS = 64
 
@@ -147,7 +147,7 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
         "torque": wp.to_torch(env.state.torque)[:, :7].double().square().sum(dim=1),
         "contact_force": torch.zeros(WORLDS).double(),
     }
-    assert set(expected) == {each.key for each in env.task.REWARDS} and 0.2 < grip.mean() < 0.8
+    assert set(expected) == set(env.task.REWARDS) and 0.2 < grip.mean() < 0.8
     assert 3.0 <= pinch.sum() < grip.sum()
     for name, values in expected.items():
         assert torch.allclose(term(env, name).double(), values, atol=1e-5), name
@@ -219,7 +219,7 @@ def test_a_grasp_is_paid_for_what_it_opened_until_it_closes_again(stage: SimStag
 
 def test_the_way_is_paid_where_it_was_grasped_the_first_time(stage: SimStage) -> None:
     env = hold_still(make_env(stage, 3, episode_steps=20, bonus_openings=(0.01, 0.2, 0.35)))
-    scale = wp.to_torch(env.task.handles.scale)[0].item()
+    scale = wp.to_torch(env.task.world.scale)[0].item()
     contacts(env)["normal"][:, 0, 2], contacts(env)["normal"][:, 1, 2] = 1.0, -1.0
 
     def openings(*steps: tuple[float, list[bool]]) -> list[float]:
@@ -236,7 +236,7 @@ def test_the_way_is_paid_where_it_was_grasped_the_first_time(stage: SimStage) ->
     # Who pushed it, closes it and opens it again in a grasp, gets nothing for it; closing takes nothing away.
     again = openings((0.02, [yes, yes, yes]), (0.11, [yes, yes, yes]))
     assert again == pytest.approx(paid, abs=1e-5) and term(env, "grasped_opening")[2] > 0.08 * scale
-    told = env.task.handles.grasped.numpy()[:, 3] / (0.2 * scale)
+    told = env.task.world.grasped.numpy()[:, 3] / (0.2 * scale)
     assert told == pytest.approx([0.5, 0.25, 0.0], abs=1e-5)
     # Beyond 20 cm nothing counts.
     end = openings((0.25, [yes, yes, yes]), (0.3, [yes, yes, yes]))
@@ -245,7 +245,7 @@ def test_the_way_is_paid_where_it_was_grasped_the_first_time(stage: SimStage) ->
 
 def test_a_critic_is_told_how_far_the_part_was_grasped(stage: SimStage) -> None:
     env = hold_still(make_env(stage, 2, describe_part=True, bonus_openings=(0.01, 0.2, 0.35)))
-    scale = wp.to_torch(env.task.handles.scale)[0].item()
+    scale = wp.to_torch(env.task.world.scale)[0].item()
     contacts(env)["normal"][:, 0, 2], contacts(env)["normal"][:, 1, 2] = 1.0, -1.0
     for opening, held in ((0.06, [2.0, 0.0]), (0.11, [2.0, 2.0])):
         pressed = torch.tensor(held)[:, None].expand(2, 2)

@@ -8,13 +8,13 @@ from cabinet import write_cabinet
 from part_worlds import RADIUS, column, contacts, counts, hinge, hold_still, make_env, metric_settings, open_to
 from settings import load
 
-from s2a.env.kernels import ERRORS
-from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import evaluate, warn_of_errors
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.sim.world import SimStage, read_stage
-from s2a.tasks.open_part.metrics import METRICS, VERSION
+from s2a.tasks.env import VecEnv
+from s2a.tasks.open_part import OpenPart
+from s2a.tasks.state import ERRORS
 
 WAYS = (
     "grasp_success",
@@ -215,7 +215,7 @@ def test_the_planner_opens_by_a_grasp_and_the_thresholds_are_reported(stage: Sim
     assert result["thresholds"] == pytest.approx(
         {"success": 0.2, "open_30cm": 0.3, "open_75pct_static": 0.3, "open_95pct": 0.38}
     )
-    assert result["metrics_version"] == VERSION and set(METRICS) <= set(result)
+    assert result["metrics_version"] == OpenPart.RESULTS.version and set(OpenPart.RESULTS.names) <= set(result)
     assert result["grasp_success"]["rate"] == result["handle_success"]["rate"] == 1.0
     assert result["single_finger_success"]["rate"] == result["off_handle_success"]["rate"] == 0.0
     assert result["body_success"]["rate"] == 0.0

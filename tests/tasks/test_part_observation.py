@@ -9,13 +9,12 @@ import pytest
 import torch
 import warp as wp
 from cabinet import write_cabinet
-from part_worlds import make_env, task_settings
+from part_worlds import make_env
 from settings import load
 
 from s2a.core.errors import InputError
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
-from s2a.tasks.part_observation import observe
 
 WORLDS = 32
 POINT = slice(-22, -19)
@@ -34,11 +33,11 @@ def test_the_seen_grasp_is_off_by_the_asked_distance_and_the_critic_knows_the_tr
     assert length.min() >= 0.01 - 1e-5 and length.max() <= 0.02 + 1e-5 and length.std() > 0.001
     turned = torch.acos((env.observation[:, -19:-16] * env.privileged[:, 3:6]).sum(dim=1).clamp(-1.0, 1.0))
     assert turned.max() <= torch.deg2rad(torch.tensor(5.0)) + 1e-3 and turned.max() > 0.05
-    seen = wp.to_torch(env.task.handles.p.seen).clone()
+    seen = wp.to_torch(env.task.world.seen).clone()
     env.step(torch.zeros(WORLDS, env.num_actions))
-    assert (wp.to_torch(env.task.handles.p.seen) == seen).all(), "it stays for an episode"
+    assert (wp.to_torch(env.task.world.seen) == seen).all(), "it stays for an episode"
     env.reset_all()
-    assert (wp.to_torch(env.task.handles.p.seen) != seen).any(dim=1).all(), "and is drawn anew for the next"
+    assert (wp.to_torch(env.task.world.seen) != seen).any(dim=1).all(), "and is drawn anew for the next"
 
 
 def test_without_an_error_the_true_grasp_is_seen(stage: SimStage) -> None:
@@ -59,8 +58,8 @@ def test_the_way_is_told_in_fine_within_five_centimetres_and_whether_to_hold_fro
     assert (point.abs() > 0.05).any() and env.observation[:, -1].tolist() == [0.0, 1.0]
     grasp_from_tool = torch.stack([torch.linalg.cross(y, z), y, z], dim=1)
     near = torch.tensor([0.004, -0.01, 0.012])
-    wp.to_torch(env.task.handles.p.seen)[:, :3] = (grasp_from_tool @ (near - point)[:, :, None])[:, :, 0]
-    observe(env.state, env.task.handles.p, task_settings(describe_part=True, fine_grasp=True))
+    wp.to_torch(env.task.world.seen)[:, :3] = (grasp_from_tool @ (near - point)[:, :, None])[:, :, 0]
+    env.task.observe(env.state)
     assert env.observation[0, -4:-1].tolist() == pytest.approx([0.2, -0.5, 0.6], abs=1e-3)
 
 

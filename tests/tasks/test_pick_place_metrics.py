@@ -13,13 +13,13 @@ from cabinet import free_cube, write_cabinet
 from settings import load
 
 from s2a import tasks
-from s2a.env.vec_env import VecEnv
-from s2a.planner.pick_plan import PickPlan
+from s2a.motion.pick import PickStage
+from s2a.motion.pick_plan import PickPlan
 from s2a.scene.scene import Joint
 from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
-from s2a.tasks.pick_place.skill import PickStage
+from s2a.tasks.env import VecEnv
+from s2a.tasks.pick_place import PickPlaceConfig, PickPlaceMetrics
 
 START, GOAL = np.array([0.2, 0.1, 0.827, 0, 0, 0, 1.0]), np.array([0.2, -0.2, 0.827, 0, 0, 0, 1.0])
 STEPS = 60
@@ -58,10 +58,10 @@ class Script:
         self.env, task = env, env.task
         self.pose = wp.to_torch(env.sim.state.body_q).view(-1, 7)
         self.normal, self.force = (
-            wp.to_torch(task.handles.contacts.normal),
-            wp.to_torch(task.handles.contacts.on_region),
+            wp.to_torch(task.world.contacts.normal),
+            wp.to_torch(task.world.contacts.on_region),
         )
-        self.links = wp.to_torch(task.handles.contacts.other_links)
+        self.links = wp.to_torch(task.world.contacts.other_links)
         self.cube, self.other = env.sim.body("cube_9"), env.sim.body("cube_10")
         self.feel()
         env.reset_all()

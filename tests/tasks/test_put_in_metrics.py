@@ -13,14 +13,13 @@ from drawer_room import FLOOR, START, drawer_room
 from settings import load
 
 from s2a import tasks
-from s2a.env.vec_env import VecEnv
-from s2a.planner.insides import Inside, inside_of
-from s2a.planner.pick_plan import PickPlan
-from s2a.planner.put_in import PutPlan
+from s2a.motion.insides import Inside, inside_of
+from s2a.motion.pick_plan import PickPlan
+from s2a.motion.put_in import PutPlan, PutStage
 from s2a.scene.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.tasks.put_in.config import PutInConfig, PutInMetrics
-from s2a.tasks.put_in.skill import PutStage
+from s2a.tasks.env import VecEnv
+from s2a.tasks.put_in import PutInConfig, PutInMetrics
 
 OPEN = 0.3
 GOAL = np.array([0.45, 0.0, FLOOR + 0.02, 0, 0, 0, 1.0])
@@ -62,7 +61,7 @@ class Script:
         self.pose = wp.to_torch(env.sim.state.body_q).view(-1, 7)
         self.coords = wp.to_torch(env.sim.state.joint_q).view(1, -1)
         wp.to_torch(env.sim.state.body_qd).zero_()
-        contacts = task.handles.p.contacts
+        contacts = task.world.contacts
         self.normal, self.force = wp.to_torch(contacts.normal), wp.to_torch(contacts.on_region)
         self.cube, self.other, self.part = (env.sim.body(i) for i in ("cube_9", "cube_10", "drawer_2"))
         self.feel(0.0)
@@ -92,10 +91,10 @@ class Script:
 
     def slide(self, to: float, *, loaded: bool = False) -> None:
         """Move the drawer, 10 mm a control step, with the cube in it or not."""
-        start = float(self.coords[0, self.env.task.handles.coord])
+        start = float(self.coords[0, self.env.task.world.place.coord])
         cube = float(self.pose[self.cube, 0])
         for q in np.linspace(start, to, max(2, int(abs(to - start) / 0.01)))[1:]:
-            self.coords[0, self.env.task.handles.coord] = q
+            self.coords[0, self.env.task.world.place.coord] = q
             self.pose[self.part, 0] = q
             if loaded:
                 self.pose[self.cube, 0] = cube + q - start

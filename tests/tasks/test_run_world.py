@@ -15,7 +15,7 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.learn.rl.run_folder import read_world, write_world
 from s2a.sim.simulation import SimConfig
-from s2a.tasks.pick_place.config import PickPlaceConfig
+from s2a.tasks.pick_place import PickPlaceConfig
 
 
 def test_a_checkpoint_brings_the_world_it_was_trained_in(tmp_path: Path) -> None:

@@ -14,9 +14,9 @@ from s2a.learn.evaluate_soft import _summary
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.sim.soft_body import SoftBody, soft_body
 from s2a.sim.soft_config import SoftConfig, SoftShape
-from s2a.tasks.pick_place import soft_trials
-from s2a.tasks.pick_place.config import PickPlaceConfig
-from s2a.tasks.pick_place.soft_metrics import COLUMNS, SoftMetrics
+from s2a.tasks import soft
+from s2a.tasks.pick_place import PickPlaceConfig
+from s2a.tasks.soft_metrics import COLUMNS, SoftMetrics
 
 SOFT = load(SoftConfig, "soft/bear")
 START = "0.2 0.0 0.9"
@@ -37,9 +37,9 @@ def task(**changes: object) -> PickPlaceConfig:
 
 def test_a_drawn_pose_stands_on_the_support_within_its_shift(scene: tuple[SimRoom, SoftBody]) -> None:
     room, body = scene
-    (start, _), *_ = soft_trials._candidates(room, body, SOFT, task())
+    (start, _), *_ = soft._candidates(room, body, SOFT, task())
     shaken = task(start_shift=0.03, start_turn=0.5)
-    poses = [soft_trials._drawn(room, body, start, shaken, np.random.default_rng(k)) for k in range(5)]
+    poses = [soft._drawn(room, body, start, shaken, np.random.default_rng(k)) for k in range(5)]
     away = np.abs(np.array(poses)[:, :2] - start[:2])
     assert 0.01 < away.max() <= 0.03
     for pose in poses:
@@ -49,12 +49,12 @@ def test_a_drawn_pose_stands_on_the_support_within_its_shift(scene: tuple[SimRoo
 @pytest.mark.parametrize("changes", [{"start": None}, {"place": None}, {"place": START}, {"start": "insert.json"}])
 def test_a_start_or_a_place_that_is_missing_is_said(scene: tuple[SimRoom, SoftBody], changes: dict) -> None:
     with pytest.raises(InputError, match="stands nowhere in the room"):
-        next(soft_trials.trials(*scene, SOFT, task(**changes), robot.load("panda"), 1, 0))
+        next(soft.trials(*scene, SOFT, task(**changes), robot.load("panda"), 0.1, 1, 0))
 
 
 def test_a_support_that_is_not_there_is_said(scene: tuple[SimRoom, SoftBody]) -> None:
     with pytest.raises(InputError, match="'sofa_3' is neither a pose nor a part"):
-        next(soft_trials.trials(*scene, SOFT, task(place="sofa_3"), robot.load("panda"), 1, 0))
+        next(soft.trials(*scene, SOFT, task(place="sofa_3"), robot.load("panda"), 0.1, 1, 0))
 
 
 def test_a_trial_without_a_plan_counts_as_failed() -> None:

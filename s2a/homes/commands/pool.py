@@ -20,19 +20,19 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import StdoutFilter, track
 from s2a.core.provenance import provenance
-from s2a.env import starts
 from s2a.homes.catalog import handle_of
 from s2a.homes.sample import RoomKind, SampleConfig, sample
 from s2a.learn.perception import cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
-from s2a.planner.part_plan import PlannerConfig, demonstration
+from s2a.motion.open import demonstration
+from s2a.motion.settings import PlannerConfig
 from s2a.prepare.room import ALL, PrepareConfig, prepare
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import sim_stage
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage, stage_of
-from s2a.tasks import MdpSettings, task
+from s2a.tasks import MdpSettings, starts, task
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.joints.pull_optimize import Optimum, PullConfig, optimize
 from s2a.joints.pulled import pulled
-from s2a.planner import pull_law
-from s2a.planner.part_plan import PlannerConfig, planned_path
+from s2a.motion import pull_law
+from s2a.motion.open import planned_path
+from s2a.motion.settings import PlannerConfig
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.simulation import SimConfig, Simulation
@@ -30,7 +31,7 @@ class Config:
         offset: how much farther than predicted an earlier pull of the part ended [m].
         robot: the robot that the stage was prepared for.
         sim: how physics is stepped: what resists where nothing was identified, gains and limits of the arm.
-        task: what is done: open_part, as far as the planner's motion says; or close_part, from where episodes begin.
+        task: what is done: a part is opened, as far as the planner's motion says, or closed, from where episodes begin.
         planner: the planner's motion.
         pull: what a good pull is.
     """

@@ -16,10 +16,10 @@ from s2a.language.do.episode import execute
 from s2a.language.do.plan import check_sentence
 from s2a.language.do.rules import rules
 from s2a.language.do.run import Result, RoomContext, do
-from s2a.language.do.settings import ExecutionConfig, Skills
+from s2a.language.do.settings import ExecutionConfig, Skills, tasks_of
 from s2a.language.llm.ask import UsageLog
 from s2a.language.llm.client import LlmConfig, choose, kind_of
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.settings import PlannerConfig
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import descriptive, sim_stage
 from s2a.scene.usd.sim_read import refuse_unphysical
@@ -50,6 +50,7 @@ class Config:
         seed: of the start noise.
         robot: the robot that the stage was prepared for.
         sim: how physics is stepped, the same for all skills.
+        tasks: files of further tasks, each a skill by the name of its file (docs/new_task.md).
         skills: the task of each skill, and the thresholds of its metrics.
         planner: the planner's motion.
         camera: how images are taken.
@@ -69,6 +70,7 @@ class Config:
     seed: CountFromZero
     robot: RobotSpec
     sim: SimConfig
+    tasks: tuple[Path, ...]
     skills: Skills
     planner: PlannerConfig
     camera: CameraConfig
@@ -89,7 +91,9 @@ def run(config: Config) -> str:
     model = choose(config.llm, config.record, rules)
     described = descriptive.read(config.scene) if config.scene else None
     room = sim_stage.read(config.stage, visuals=config.images is not None)
-    context = RoomContext(room, described, config.robot.name, config.skills.put_in.task.opening)
+    skills = tasks_of(config.skills)
+    opening = max(getattr(each.task, "opening", 0.0) for each in vars(config.skills).values())
+    context = RoomContext(room, described, config.robot.name, opening, skills)
     usage = UsageLog(config.llm.prices)
     replans = 0 if kind_of(config.llm) == "rules" else config.replans  # the rules have one plan a sentence
     executor = None if config.plan_only else _executor(config, room)

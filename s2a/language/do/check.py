@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -11,10 +11,11 @@ from s2a.core.errors import InputError
 from s2a.language.do.facts import Facts, RoomPart
 from s2a.language.do.plan import Skill, SkillPlan
 from s2a.language.llm.ask import ValidationFeedback
-from s2a.planner.insides import inside_placements
-from s2a.planner.obstacles import RoomHulls
+from s2a.motion.insides import inside_placements
+from s2a.motion.obstacles import Obstacles
 from s2a.robot.tool_path import opening_coordinate
 from s2a.scene.usd.sim_scene import SimRoom
+from s2a.tasks.base import Task
 
 SHUT = 0.02
 """[m] Up to which a part counts as shut."""
@@ -27,16 +28,19 @@ class Checker:
         passed: what holds of the last plan that was checked, a line a skill.
     """
 
-    def __init__(self, room: SimRoom, facts: Facts, robot: str, opening: float) -> None:
+    def __init__(
+        self, room: SimRoom, facts: Facts, robot: str, opening: float, skills: Mapping[str, type[Task]]
+    ) -> None:
         """Keep what plans are checked against.
 
         Args:
             room: as it stands now.
             facts: of it.
             robot: name of the robot.
-            opening: to which a part is opened [m].
+            opening: to which a part is opened for an object to be put into it [m].
+            skills: the tasks that a plan may be made of, by their names in it.
         """
-        self._room, self._facts, self._opening = room, facts, opening
+        self._room, self._facts, self._opening, self._skills = room, facts, opening, skills
         self._reach = 2.0 * robots.load(robot).base.reach
         self.passed: list[str] = []
 
@@ -44,31 +48,33 @@ class Checker:
         """Check a plan; ValidationFeedback tells what does not hold."""
         self._is_open = {i: thing.open > SHUT for i, thing in self._facts.items() if thing.moves}
         self._on = {i: thing.on for i, thing in self._facts.items() if thing.kind == "free"}
-        rules: dict[str, Callable[[Skill], str]] = {
-            "open": self._turned,
-            "close": self._turned,
-            "pick_place": self._placed,
-            "put_in": self._put,
+        rules: dict[tuple[str, ...], Callable[[Skill], str]] = {
+            ("part",): self._turned,
+            ("object", "support"): self._placed,
+            ("object", "part"): self._put,
         }
-        self.passed = [f"{skill.words}: {rules[skill.skill](skill)}" for skill in plan.skills]
+        takes = {name: kind.INSTRUCTION.takes for name, kind in self._skills.items()}
+        self.passed = [f"{skill.words}: {rules[takes[skill.skill]](skill)}" for skill in plan.skills]
 
     def _turned(self, skill: Skill) -> str:
         """Check that a part can be opened or closed."""
-        part, opens = self._moving(skill.part), skill.skill == "open"
+        part, words = self._moving(skill.part), self._skills[skill.skill].INSTRUCTION
         if not part.base:
             raise ValidationFeedback(f"{part.id!r} is out of reach: it has no collision-free base pose.")
-        if self._is_open[part.id] == opens:
-            raise ValidationFeedback(f"{part.id!r} is {'open' if opens else 'shut'} already.")
-        self._is_open[part.id] = opens
-        return f"{part.kind}, was {'shut' if opens else 'open'}, has a free base pose"
+        was = "open" if self._is_open[part.id] else "shut"
+        if words.begins not in (None, was):
+            raise ValidationFeedback(f"{part.id!r} is {was} already.")
+        self._is_open[part.id] = (words.leaves or was) == "open"
+        return f"{part.kind}, was {was}, has a free base pose"
 
     def _placed(self, skill: Skill) -> str:
         """Check that an object can be picked and placed on a support."""
         object, support = self._free(skill.object), self._facts[skill.support or ""]
         if support.kind != "fixed":
-            remedy = "put_in puts things into it" if support.moves else "it would move"
+            into = [name for name, kind in self._skills.items() if kind.INSTRUCTION.takes == ("object", "part")]
+            remedy = f"{into[0]} puts things into it" if support.moves and into else "it would move"
             raise ValidationFeedback(f"{support.id!r} is no fixed support: {remedy}.")
-        near = RoomHulls(self._room, {object.id}, np.array(self._room.free[object.id].position))
+        near = Obstacles.of_room(self._room, {object.id}, np.array(self._room.free[object.id].position))
         if not near.hulls_of(support.id):
             raise ValidationFeedback(
                 f"{support.id!r} has no collision hulls within 2 m of {object.id!r}: out of reach."
@@ -82,7 +88,7 @@ class Checker:
         object, part = self._free(skill.object), self._moving(skill.part)
         if self._is_open[part.id]:
             raise ValidationFeedback(
-                f"{part.id!r} is open; put_in opens and shuts it by itself, and begins with it shut."
+                f"{part.id!r} is open; {skill.skill} opens and shuts it by itself, and begins with it shut."
             )
         if self._on[object.id] == part.id:
             raise ValidationFeedback(f"{object.id!r} is in {part.id!r} already.")

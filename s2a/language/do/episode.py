@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,15 @@ from scipy.spatial.transform import Rotation
 from s2a import tasks
 from s2a.core.errors import InputError
 from s2a.core.outputs import temporary_folder
-from s2a.env.vec_env import VecEnv
-from s2a.language.do.handle import motion, refuse_collision
 from s2a.language.do.plan import Skill
 from s2a.language.do.settings import ExecutionConfig
-from s2a.planner.motion import Planner
+from s2a.motion.obstacles import Obstacles
+from s2a.motion.open import plan_letting_go
+from s2a.motion.policy import Planner
+from s2a.motion.workcell import Workcell
+from s2a.robot.collision import SLACK
+from s2a.robot.spec import RobotSpec
+from s2a.robot.tool_path import matrix
 from s2a.scene.articulation import displace, lever_arm, open_limit, pose_at, transform
 from s2a.scene.scene import Joint, Mesh, Vec3
 from s2a.scene.usd import sim_stage
@@ -28,6 +33,7 @@ from s2a.scene.usd.sim_scene import Articulation, Collider, Quat, SimBody, SimRo
 from s2a.sim.camera import Camera
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage, axis_of
+from s2a.tasks.env import VecEnv
 
 
 @dataclass(frozen=True)
@@ -137,9 +143,6 @@ def _quaternion(values: Iterable[float]) -> Quat:
     return x, y, z, w
 
 
-TASKS = {"open": "open_part", "close": "close_part", "pick_place": "pick_place", "put_in": "put_in"}
-SUCCESS = {"open": "final_success", "close": "final_success", "pick_place": "success", "put_in": "success"}
-"""The metric of the task by which a skill counts as done: what was opened or closed is so at the end."""
 START_ERROR = 0.01
 """[m] By which a part may stand elsewhere at the start of an episode than the one before left it."""
 BESIDE = 0.02
@@ -182,8 +185,9 @@ def execute(
     if not changed:
         record["began"]["from"] = "the room's file"
     with temporary_folder() as folder:
-        # A part that is closed starts at its coordinate; all others are where they stand.
-        own = (skill.part,) if skill.part and skill.skill == "close" else ()
+        # A part that a task begins with open starts at its coordinate; all others are where they stand.
+        begins = tasks.task(getattr(config.skills, skill.skill).task.name).INSTRUCTION.begins
+        own = (skill.part,) if skill.part and begins == "open" else ()
         path = folder / "room.usd" if changed else file
         if changed:
             write(room, state, own, path)
@@ -208,11 +212,12 @@ def _episode(
 ) -> Outcome:
     """Plan and simulate the episode; fills the record."""
     settings = getattr(config.skills, skill.skill)
-    mdp = _mdp(skill, settings.task, room, state)
+    task = tasks.task(settings.task.name)
+    opened = opened_by(room, state).get(skill.part or "", 0.0)
+    mdp = task.requested(settings.task, (skill.support or skill.part) if skill.object else None, opened)
     now = at_state(room, state)
-    also = riders(now, skill.part) if skill.skill in ("open", "close") and skill.part else []
-    task = tasks.task(TASKS[skill.skill])
-    stage = task.read_stage(path, skill.object or skill.part, config.robot, also, mdp)
+    also = riders(now, skill.part) if skill.part and not skill.object else []
+    stage = task.read_stage(path, skill.object or skill.part, config.robot, also, mdp, config.planner)
     sim = Simulation(stage, config.sim, 1, device_of(config.device))
     env = tasks.make_env(sim, mdp, settings.metrics, {}, config.seed)
     planner = _planner(skill, env, config, room, state, record)
@@ -223,18 +228,10 @@ def _episode(
     record["began"] |= {**began.plain(), "arm": "at home, with start noise", "base": _rounded(stage.base)}
     metrics, ended = _simulate(env, planner, sim, stage, offsets, image, config)
     after = state.with_(ended)
-    success = metrics[SUCCESS[skill.skill]] == 1.0
-    record |= {"ended": ended.plain(), "metric": SUCCESS[skill.skill], "metrics": metrics}
-    return Outcome(success, "" if success else _missed(skill, metrics), after)
-
-
-def _mdp(skill: Skill, mdp: Any, room: SimRoom, state: RoomChange) -> Any:
-    """Return the task's settings with what the skill says."""
-    if skill.skill == "close":
-        return replace(mdp, start_opening=max(opened_by(room, state).get(skill.part or "", 0.0), 1e-3))
-    if skill.skill in ("pick_place", "put_in"):
-        return replace(mdp, start=None, place=skill.support or skill.part)
-    return mdp
+    metric = task.RESULTS.success
+    success = metrics[metric] == 1.0
+    record |= {"ended": ended.plain(), "metric": metric, "metrics": metrics}
+    return Outcome(success, "" if success else _missed(skill, metric, metrics), after)
 
 
 def _planner(
@@ -243,12 +240,34 @@ def _planner(
     """Return the planner; after opening and closing it lets go of the handle and draws back, which goes into the record."""
     if skill.object:
         return Planner(env, config.planner)
-    found = motion(env, config.planner)
+    moved = plan_letting_go(env.sim, config.planner, partial(env.task.tool_path, config=env.task.config))
     ajar = [i for i, path in opened_by(room, state).items() if abs(path) > START_ERROR]
     hanging = [i for i in room.articulations if set(room.carriers(i)) & set(ajar)]
-    refuse_collision(env.sim.stage, [*ajar, *hanging, *state.objects], env.sim.robot, found.arm)
-    record |= {"approach": round(found.approach, 3), "retreat": round(found.retreat, 3)}
-    return Planner(env, config.planner, [found.demonstration])
+    refuse_collision(env.sim.stage, [*ajar, *hanging, *state.objects], env.sim.robot, moved.arm)
+    record |= {"approach": round(moved.approach, 3), "retreat": round(moved.retreat, 3)}
+    return Planner(env, config.planner, [moved.demonstration])
+
+
+def refuse_collision(stage: SimStage, moved: Collection[str], spec: RobotSpec, arm: np.ndarray) -> None:
+    """Raise InputError where the arm in joints [pose arm], or at home, meets what was moved; its base is for the room before.
+
+    Args:
+        stage: the room as it stands.
+        moved: ids of parts that stand open and of objects that were moved.
+        spec: the robot.
+        arm: its joint path.
+    """
+    room, target = stage.room, stage.target
+    bodies = {i: body for i, body in room.bodies.items() if i in moved and i != target}
+    free = {i: body for i, body in room.free.items() if i in moved}
+    obstacles = Obstacles.of_room(replace(room, bodies=bodies, free=free, static_colliders=()), (), stage.grasp[:3])
+    path = np.concatenate([arm, [spec.home]])
+    depth = Workcell(spec, obstacles).arm_depth(path, matrix(stage.base), fingers=False).max()
+    if depth > SLACK:
+        raise InputError(
+            f"from its base for {target!r} the arm reaches {1000 * depth:.0f} mm into what was moved before: "
+            f"{', '.join([*bodies, *free])}"
+        )
 
 
 @torch.inference_mode()
@@ -305,10 +324,10 @@ def riders(room: SimRoom, part: str) -> list[str]:
     return [i for i, body in room.free.items() if np.all((low <= body.position) & (np.array(body.position) <= high))]
 
 
-def _missed(skill: Skill, metrics: dict[str, float]) -> str:
+def _missed(skill: Skill, metric: str, metrics: dict[str, float]) -> str:
     """Return why a skill does not count as done."""
     values = ", ".join(f"{name} {value:g}" for name, value in metrics.items())
-    return f"{skill.words} was simulated, and {SUCCESS[skill.skill]} does not hold ({values})."
+    return f"{skill.words} was simulated, and {metric} does not hold ({values})."
 
 
 def _rounded(values: np.ndarray) -> list[float]:

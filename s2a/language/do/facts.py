@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from s2a.core.errors import InputError, printable
-from s2a.planner.obstacles import RoomHulls
+from s2a.motion.obstacles import Obstacles
 from s2a.scene.articulation import opening_direction
 from s2a.scene.scene import Vec3
 from s2a.scene.usd.descriptive import DescribedPart, upright_box
@@ -170,7 +170,7 @@ def _support(room: SimRoom, body: SimBody) -> str | None:
     """Return the part whose surface is below an object's middle."""
     own = np.concatenate([in_scene(body, collider.mesh) for collider in body.colliders])
     at = np.array([[*body.position[:2], own[:, 2].min() + ABOVE_SUPPORT]])
-    height, names = RoomHulls(room, {body.id}, at[0]).below(at)
+    height, names = Obstacles.of_room(room, {body.id}, at[0]).below(at)
     return names[0] if np.isfinite(height[0]) else None
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import textwrap
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from s2a.core.errors import InputError, printable
 from s2a.language.do.facts import Facts, lines, text
 from s2a.language.llm.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
+from s2a.tasks.base import Task
 
 MAX_SENTENCE = 500
 """Characters of a sentence; the longest that we think of is 150 long."""
@@ -18,22 +20,19 @@ MAX_SKILLS = 6
 REASON, OPTIONS = 300, 12
 """Characters of a refusal's reason, and ids that it lists."""
 
-Name = Literal["open", "close", "pick_place", "put_in"]
-
 
 @dataclass(frozen=True)
 class Skill:
     """One thing that the planner can do; what a skill does not take is None.
 
     Attributes:
-        skill: "open" and "close" take a part; "pick_place" an object and a support; "put_in" an object and a part, which it
-            opens and shuts again.
+        skill: name of the skill; its task says what it takes.
         part: id of what moves on a joint.
         object: id of what lies free.
         support: id of what the object is placed on.
     """
 
-    skill: Name
+    skill: str
     part: str | None
     object: str | None
     support: str | None
@@ -102,6 +101,7 @@ def plan(
     check: Callable[[SkillPlan], None],
     retries: int,
     usage: UsageLog,
+    skills: Mapping[str, type[Task]],
     failed: Failure | None = None,
 ) -> SkillPlan:
     """Ask a model for a plan.
@@ -113,17 +113,18 @@ def plan(
         check: raises ValidationFeedback for a plan that does not fit the room.
         retries: answers that may be rejected.
         usage: log of the answers, appended to.
+        skills: the tasks that a plan may be made of, by their names in it.
         failed: an earlier plan that was executed and failed.
 
     Raises:
         InputError: no answer could be used.
     """
-    known = {"label": sentence, "sentence": sentence, "room": lines(facts), "things": facts}
+    known = {"label": sentence, "sentence": sentence, "room": lines(facts), "things": facts, "skills": skills}
     question = plan_question(sentence, text(facts))
-    request = Request("skills", SKILLS, (("user", question),), SCHEMA, known)
+    request = Request("skills", system(skills), (("user", question),), schema(skills), known)
     if failed:
         request = request.with_feedback(json.dumps(asdict(failed.plan)), again(failed))
-    return ask(model, request, lambda answer: _accepted(answer, facts, check), retries, usage)
+    return ask(model, request, lambda answer: _accepted(answer, facts, check, skills), retries, usage)
 
 
 def refused(sentence: str, answer: SkillPlan, facts_text: str) -> InputError:
@@ -132,7 +133,9 @@ def refused(sentence: str, answer: SkillPlan, facts_text: str) -> InputError:
     return InputError(f"{sentence[:120]!r} is {answer.refusal}: {answer.reason}{between}; possible: {facts_text}")
 
 
-def _accepted(answer: str, facts: Facts, check: Callable[[SkillPlan], None]) -> SkillPlan:
+def _accepted(
+    answer: str, facts: Facts, check: Callable[[SkillPlan], None], skills: Mapping[str, type[Task]]
+) -> SkillPlan:
     """Return a plan that fits schema and room; raise ValidationFeedback for any other."""
     found = parse(answer, SkillPlan, strict=True)
     if bool(found.skills) == (found.refusal is not None):
@@ -142,7 +145,7 @@ def _accepted(answer: str, facts: Facts, check: Callable[[SkillPlan], None]) -> 
     if len(found.skills) > MAX_SKILLS:
         raise ValidationFeedback(f"{len(found.skills)} skills were given; give {MAX_SKILLS} or fewer.")
     for skill in found.skills:
-        _check_arguments(skill, facts)
+        _check_arguments(skill, facts, skills)
     check(found)
     return found
 
@@ -154,21 +157,17 @@ def _tidy(found: SkillPlan, facts: Facts) -> SkillPlan:
     return replace(found, reason=reason or "no reason was given", options=options)
 
 
-TAKES: dict[str, tuple[str, ...]] = {
-    "open": ("part",),
-    "close": ("part",),
-    "pick_place": ("object", "support"),
-    "put_in": ("object", "part"),
-}
-
-
-def _check_arguments(skill: Skill, facts: Facts) -> None:
-    """Raise ValidationFeedback for arguments that a skill lacks or does not take, and for ids that are not in the room."""
+def _check_arguments(skill: Skill, facts: Facts, skills: Mapping[str, type[Task]]) -> None:
+    """Raise ValidationFeedback for an unknown skill, arguments that it lacks or does not take, and ids that the room has not."""
+    if skill.skill not in skills:
+        raise ValidationFeedback(f"There is no skill {printable(skill.skill)[:60]!r}; skills: {', '.join(skills)}.")
+    takes = skills[skill.skill].INSTRUCTION.takes
     given: dict[str, Any] = {f.name: getattr(skill, f.name) for f in fields(skill) if f.name != "skill"}
-    wrong = [name for name, value in given.items() if (value is not None) != (name in TAKES[skill.skill])]
+    wrong = [name for name, value in given.items() if (value is not None) != (name in takes)]
     if wrong:
-        takes = " and ".join(TAKES[skill.skill])
-        raise ValidationFeedback(f"Skill {skill.skill!r} takes {takes}, and null for the rest; check {wrong[0]!r}.")
+        raise ValidationFeedback(
+            f"Skill {skill.skill!r} takes {' and '.join(takes)}, and null for the rest; check {wrong[0]!r}."
+        )
     for name, value in given.items():
         if value is not None and value not in facts:
             raise ValidationFeedback(
@@ -176,7 +175,7 @@ def _check_arguments(skill: Skill, facts: Facts) -> None:
             )
 
 
-SKILLS = """\
+SYSTEM = """\
 You plan for a robot arm in a scanned room: a person's sentence becomes a short list of skills.
 
 The room comes as one line of JSON per part: id; label, where the id does not tell it; part_of, the part it belongs to; kind:
@@ -186,12 +185,7 @@ what an object stands on or in; center and size of its box in metres, z up. To s
 the direction (-y, x) is on the right.
 
 Skills, and what they take; all else is null:
-- open: part. It must be a part that opens, reachable, and shut.
-- close: part. It must be a part that opens, reachable, and open: it stands so, or an earlier skill opened it.
-- pick_place: object, support. The object must be free and not in a shut part; the support is fixed and has a level top. The
-  robot chooses the spot on it.
-- put_in: object, part. Opens the part, puts the free object in, and shuts it again, all by itself: the part must be shut
-  before, and needs no open or close. Parts that slide have a floor; parts that turn hardly ever do.
+{skills}
 
 Answer with one JSON object:
 - skills: the skills in order, six at most; [] to refuse.
@@ -220,17 +214,28 @@ def _object(**properties: Any) -> dict[str, Any]:
 
 
 ID = {"type": ["string", "null"]}
-SCHEMA = _object(
-    skills={
-        "type": "array",
-        "items": _object(
-            skill={"type": "string", "enum": ["open", "close", "pick_place", "put_in"]}, part=ID, object=ID, support=ID
-        ),
-    },
-    refusal={"type": ["string", "null"], "enum": ["ambiguous", "unknown", "impossible", None]},
-    reason={"type": "string"},
-    options={"type": "array", "items": {"type": "string"}},
-)
+WIDTH = 125
+"""Characters of a line of the prompt."""
+
+
+def system(skills: Mapping[str, type[Task]]) -> str:
+    """Return the prompt, with what each skill takes and needs."""
+    each = [(name, kind.INSTRUCTION) for name, kind in skills.items()]
+    texts = [f"- {name}: {', '.join(words.takes)}. {words.needs}" for name, words in each]
+    return SYSTEM.replace("{skills}", "\n".join(textwrap.fill(text, WIDTH, subsequent_indent="  ") for text in texts))
+
+
+def schema(skills: Mapping[str, type[Task]]) -> dict[str, Any]:
+    """Return the schema of an answer."""
+    return _object(
+        skills={
+            "type": "array",
+            "items": _object(skill={"type": "string", "enum": list(skills)}, part=ID, object=ID, support=ID),
+        },
+        refusal={"type": ["string", "null"], "enum": ["ambiguous", "unknown", "impossible", None]},
+        reason={"type": "string"},
+        options={"type": "array", "items": {"type": "string"}},
+    )
 
 
 def plan_question(sentence: str, room: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -15,6 +15,7 @@ from s2a.language.do.plan import Failure, Skill, SkillPlan, plan, refused
 from s2a.language.llm.ask import Model, UsageLog
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimRoom
+from s2a.tasks.base import Task
 
 Execute = Callable[[Skill, RoomChange, int], Outcome]
 """Skill, state of the room before it, its number -> how it went."""
@@ -29,12 +30,14 @@ class RoomContext:
         described: the descriptive flavour, or None.
         robot: name of the robot.
         opening: to which a part is opened for an object to be put into it [m].
+        skills: the tasks that a plan may be made of, by their names in it.
     """
 
     room: SimRoom
     described: dict[str, DescribedPart] | None
     robot: str
     opening: float
+    skills: Mapping[str, type[Task]]
 
 
 @dataclass
@@ -69,8 +72,8 @@ def make_plan(
     state = state or RoomChange()
     room = episode.at_state(context.room, state)
     known = fact.gather(room, context.described, episode.opened_by(context.room, state), context.robot)
-    check = Checker(room, known, context.robot, context.opening)
-    found = plan(model, sentence, known, check, retries, usage, failed)
+    check = Checker(room, known, context.robot, context.opening, context.skills)
+    found = plan(model, sentence, known, check, retries, usage, context.skills, failed)
     return found, check.passed if found.skills else [], fact.possible(known)
 
 

@@ -2,65 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, make_dataclass
+from typing import Annotated, Any
 
+from s2a import tasks
+from s2a.core import config
 from s2a.core.bounds import CountFromZero
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.settings import PlannerConfig
 from s2a.sim.camera import CameraConfig
 from s2a.sim.simulation import SimConfig
-from s2a.tasks.close_part.config import ClosePartConfig, ClosePartMetrics
-from s2a.tasks.open_part.config import OpenPartConfig, OpenPartMetrics
-from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
-from s2a.tasks.put_in.config import PutInConfig, PutInMetrics
+from s2a.tasks.base import Task
 
 
-@dataclass(frozen=True)
-class OpenSkill:
-    """Opening a part: its `task` and the thresholds of its `metrics`."""
-
-    task: OpenPartConfig
-    metrics: OpenPartMetrics
+def _settings(kind: type[Task]) -> type:
+    """Return the settings of a skill: `task` and the thresholds of its `metrics`, those of a kind of task."""
+    return make_dataclass("SkillSettings", [("task", kind.Config), ("metrics", kind.Metrics)], frozen=True)
 
 
-@dataclass(frozen=True)
-class CloseSkill:
-    """Closing a part: its `task` and the thresholds of its `metrics`."""
-
-    task: ClosePartConfig
-    metrics: ClosePartMetrics
+def _chosen(values: Mapping[str, Any]) -> type:
+    """Return the dataclass of a command's key `skills`: the settings of each skill by its name."""
+    fields = [(name, _settings(tasks.of(each))) for name, each in values["skills"].items()]
+    return make_dataclass("Skills", fields, frozen=True)
 
 
-@dataclass(frozen=True)
-class PickPlaceSkill:
-    """Picking an object and placing it: its `task` and the thresholds of its `metrics`."""
-
-    task: PickPlaceConfig
-    metrics: PickPlaceMetrics
+Skills = Annotated[Any, config.Chosen(_chosen)]
+"""A command's key `skills`: `task` and `metrics` of each skill by its name."""
 
 
-@dataclass(frozen=True)
-class PutInSkill:
-    """Putting an object into a part: its `task` and the thresholds of its `metrics`."""
-
-    task: PutInConfig
-    metrics: PutInMetrics
-
-
-@dataclass(frozen=True)
-class Skills:
-    """The task of every skill.
-
-    Attributes:
-        open: task open_part.
-        close: task close_part; `start_opening` is what the skill before left.
-        pick_place: task pick_place; `start` and `place` are what the skill says.
-        put_in: task put_in; likewise.
-    """
-
-    open: OpenSkill
-    close: CloseSkill
-    pick_place: PickPlaceSkill
-    put_in: PutInSkill
+def tasks_of(skills: Any) -> dict[str, type[Task]]:
+    """Return the task of each skill of a command's key `skills`."""
+    return {name: tasks.task(each.task.name) for name, each in vars(skills).items()}
 
 
 @dataclass(frozen=True)
@@ -72,7 +44,7 @@ class ExecutionConfig:
         device: of the simulation.
         seed: of the start noise.
         sim: how physics is stepped, the same for all skills.
-        skills: their tasks.
+        skills: their tasks, as the key `skills`.
         planner: the planner's motion.
         camera: of the images.
     """
@@ -81,6 +53,6 @@ class ExecutionConfig:
     device: str
     seed: CountFromZero
     sim: SimConfig
-    skills: Skills
+    skills: Any
     planner: PlannerConfig
     camera: CameraConfig

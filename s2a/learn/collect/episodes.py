@@ -11,7 +11,6 @@ import numpy as np
 import torch
 
 from s2a.core.errors import InputError
-from s2a.env.vec_env import VecEnv
 from s2a.learn.collect.episode import UNFINISHED, Dataset, Episode, Features
 from s2a.learn.collect.video import CHANNELS, Encoders, FrameMemory
 from s2a.learn.evaluate import Policy
@@ -19,6 +18,7 @@ from s2a.robot.urdf import position_limits
 from s2a.sim.recorder import Recorder
 from s2a.sim.views import CAMERAS, Views
 from s2a.sim.world import axis_of
+from s2a.tasks.env import VecEnv
 
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -52,7 +52,7 @@ class Collector:
         """
         self._env, self._recorder, self._views, self._every = env, recorder, views, every
         sim = env.sim
-        rate = 1.0 / (sim.config.dt * sim.config.substeps)
+        rate = sim.config.control_frequency
         fps = round(rate / every)
         if abs(fps * every - rate) > 1e-3 * rate:
             raise InputError(
@@ -120,7 +120,7 @@ class Collector:
         self.encoded = int(lengths.sum())
         columns = {name: np.stack([each[name] for each in frames], axis=1) for name in self.features.columns}
         files, actions = encoders.end(), np.stack(watch.actions)
-        for world in np.flatnonzero(watch.result[:, env.columns.index(env.task.LOGGED[0])] > 0.5):
+        for world in np.flatnonzero(watch.result[:, env.columns.index(env.task.RESULTS.logged[0])] > 0.5):
             yield Episode(
                 {name: each[world, : lengths[world]] for name, each in columns.items()},
                 files[world],

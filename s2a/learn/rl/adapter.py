@@ -9,9 +9,9 @@ import torch
 from rsl_rl.env import VecEnv as RslRlVecEnv
 from tensordict import TensorDict
 
-from s2a.env.kernels import ERRORS
-from s2a.env.vec_env import VecEnv
-from s2a.planner.motion import Planner
+from s2a.motion.policy import Planner
+from s2a.tasks.env import VecEnv
+from s2a.tasks.state import ERRORS
 
 RECENT = 0.999
 """Factor a control step by which finished episodes count less in the logged rates: about two episodes' length."""
@@ -74,7 +74,7 @@ class RslRlEnv(RslRlVecEnv):
     @property
     def score(self) -> float:
         """Rate of the task's first logged column over the recent episodes; NaN before the worlds are warm."""
-        episodes, hits = self.recent[0], self.recent[self.names.index(self.env.task.LOGGED[0])]
+        episodes, hits = self.recent[0], self.recent[self.names.index(self.env.task.RESULTS.logged[0])]
         return float(hits / episodes) if self.warm else float("nan")
 
     def get_observations(self) -> TensorDict:
@@ -146,6 +146,6 @@ class RslRlEnv(RslRlVecEnv):
         recent, task = dict(zip(self.names, known.unbind(), strict=True)), self.env.task
         terms = (self._terms / self._log_every).unbind()
         self._terms = torch.zeros_like(self._terms)
-        logged = (*task.LOGGED, *task.VALUES, *ERRORS)
+        logged = (*task.RESULTS.logged, *task.RESULTS.values, *ERRORS)
         rates = {f"/{name}": recent[name] / recent["episodes"] for name in logged}
-        return rates | {f"/term/{term.key}": mean for term, mean in zip(task.REWARDS, terms, strict=True)}
+        return rates | {f"/term/{name}": mean for name, mean in zip(task.REWARDS, terms, strict=True)}

@@ -15,11 +15,11 @@ from torch import nn
 
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.env.task import MdpConfig
-from s2a.env.vec_env import VecEnv
 from s2a.learn.rl import run_folder
 from s2a.learn.rl.run_folder import world_of
 from s2a.sim.simulation import SimConfig
+from s2a.tasks.base import MdpConfig
+from s2a.tasks.env import VecEnv
 
 if TYPE_CHECKING:
     import onnxruntime

@@ -19,14 +19,14 @@ from torch import nn
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.progress import track
-from s2a.env.kernels import ERRORS
-from s2a.env.vec_env import VecEnv
 from s2a.learn.rl import processes, run_folder
 from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import PpoConfig, rsl_rl_settings
 from s2a.learn.rl.run_folder import ADDED
 from s2a.learn.rl.runner import Runner
-from s2a.planner.motion import Planner
+from s2a.motion.policy import Planner
+from s2a.tasks.env import VecEnv
+from s2a.tasks.state import ERRORS
 
 
 def make_runner(env: RslRlEnv, config: PpoConfig, log_dir: Path | None) -> Runner:

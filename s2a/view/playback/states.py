@@ -95,7 +95,7 @@ class Watch:
         q, poses = np.stack(self._q, axis=1), np.stack(self._poses, axis=1)
         worlds = range(sim.num_envs)
         return States(
-            1.0 / (sim.config.dt * sim.config.substeps),
+            sim.config.control_frequency,
             sim.stage.robot,
             np.asarray(sim.stage.base),
             layer_hash(sim.stage.path),

@@ -19,7 +19,9 @@ NAMES = {
     "off_handle_success": "a finger beside the handle",
     "body_success": "pushed by another link",
 }
-"""Columns of open_part in words; others are shown by their names."""
+"""Rates in words; others are shown by their names."""
+BY_GROUP = ("success", "grasp_success")
+"""Rates that are shown by groups of parts, where a result has them."""
 GROUPS = {"kind": "kind of joint", "handle": "handle", "room": "room"}
 NEVER = 0.05
 """Fraction of the episodes up to which a part counts as never opened."""
@@ -87,15 +89,17 @@ def _over_parts(over: Mapping[str, Any], parts: list[Mapping[str, Any]]) -> list
     """Return the sections of means over parts, of groups of parts, and of the parts that are never opened."""
     sections = [(f"Over {over['all']['parts']} parts", rates(over["all"]))]
     for key, name in GROUPS.items():
+        shown = [rate for rate in BY_GROUP if rate in over["all"]]
         rows = [
-            (group, row["parts"], *_interval(row["success"]), *_interval(row["grasp_success"]))
+            (group, row["parts"], *(cell for rate in shown for cell in _interval(row[rate])))
             for group, row in over.get(key, {}).items()
         ]
-        sections.append((f"By {name}", table((name, "parts", "", "opened [95 %]", "", "grasped [95 %]"), rows)))
+        titles = [title for rate in shown for title in ("", f"{NAMES[rate]} [95 %]")]
+        sections.append((f"By {name}", table((name, "parts", *titles), rows)))
     never = [
         (row["room"], row["part"], row["kind"], row["handle"], f"{100 * row['success']:.0f} %")
         for row in parts
-        if row["success"] <= NEVER
+        if row.get("success", 1.0) <= NEVER
     ]
     title = f"Opened in {100 * NEVER:.0f} % of the episodes or fewer: {len(never)} parts"
     return [*sections, (title, table(("room", "part", "joint", "handle", "opened"), never))]

@@ -1,1 +1,0 @@
-"""Batched worlds as a vectorised environment."""

@@ -1,0 +1,301 @@
+"""The skills open and close: a part is moved by its handle, or pushed; base, joint path and targets over time."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from s2a.core.errors import InputError
+from s2a.motion import pull_law
+from s2a.motion.obstacles import Obstacles, moved_room
+from s2a.motion.push import at_rest
+from s2a.motion.search import Search
+from s2a.motion.segments import Along, Grip, Reach, Release, Segment, Straight, Timeline
+from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import Demonstration, Progress, Trajectory, eased, timed
+from s2a.motion.workcell import MovingPart, Workcell, lines, noisy_starts
+from s2a.robot.collision import SLACK
+from s2a.robot.kinematics import Kinematics, kinematics
+from s2a.robot.spec import RobotSpec
+from s2a.robot.tool_path import PathSettings, ToolPath, follow, matrix, opening_coordinate, part_path, straight
+from s2a.robot.urdf import position_limits
+from s2a.scene.articulation import transform
+from s2a.scene.scene import Joint
+from s2a.sim.simulation import Simulation
+from s2a.sim.world import SimStage
+
+_log = logging.getLogger(__name__)
+Skill = Callable[[SimStage, PathSettings], ToolPath]
+"""A task's tool path in a stage: `Task.tool_path` of its settings."""
+PATHS = 16
+"""Joint paths from a given base that are checked."""
+CLEARANCES = 0.025, 0.01, 0.0, 0.0
+"""[m] That searches for a motion to the point of approach keep, less SLACK, each of its own seed, until one is found: the arm
+lags behind the motion and cuts its corners, by 25 mm before an open door."""
+MARGIN = 0.002
+"""[m] Between a finger and the handle, whose hull may bulge by so much, where an episode starts in the grip."""
+SAME_GOAL = 1e-3
+"""[m] By which the goal of a pull law may be off the end of the path."""
+LET_GO = ((1.0, 1.0, 1.0), (1.0, 0.5, 1.0), (1.0, 0.5, 0.8), (0.5, 0.5, 1.0), (1.0, 0.0, 1.0), (0.5, 0.0, 1.0))
+"""Fractions of `planner.approach` by which the gripper comes straight to the handle, and draws back from it, and of
+`planner.opening`, tried in this order: bases are for opening what is shut, and an open part may be too near to the robot for
+all of it."""
+
+
+def opening_path(stage: SimStage, motion: PathSettings, config: object = None) -> ToolPath:  # noqa: ARG001
+    """Return the tool path that opens a stage's part by `motion.opening` [m], or by 95 % of its travel."""
+    end = opening_coordinate(stage.joint, stage.grasp[:3], motion.opening)
+    return part_path(stage.joint, stage.grasp, motion.approach, end, motion.depth)
+
+
+def closing_path(stage: SimStage, motion: PathSettings, config: Any) -> ToolPath:
+    """Return the tool path that grasps the part where it stands open, or has fallen by its weight, and closes it.
+
+    It stands open by `config.start_opening` [m] at first. Where the stage says how to push it, the path pushes.
+    """
+    start = at_rest(stage, opening_coordinate(stage.joint, stage.grasp[:3], config.start_opening))
+    if stage.push is not None:
+        return replace(part_path(stage.joint, stage.push, motion.approach, 0.0, start=start), pushes=True)
+    return part_path(stage.joint, stage.grasp, motion.approach, 0.0, motion.depth, start)
+
+
+def segments(
+    sim: Simulation, path: ToolPath, arm: np.ndarray, settings: PlannerConfig, detour: np.ndarray | None, last: int
+) -> list[Segment]:
+    """Return the segments that move a part.
+
+    Args:
+        sim: whose robot and stage.
+        path: of the tool.
+        arm: joint path that follows it [pose arm].
+        settings: times.
+        detour: joints from home to the first of `arm`, shape [pose arm]; None: nothing is in the way.
+        last: index of the pose at which the gripper lets go; the last one: it does not.
+    """
+    gripper, internal = sim.robot.gripper, sim.stage.internal
+    held, q = arm[path.grasp : last + 1], path.q[path.grasp : last + 1]
+    seconds, progress = _pull_time(sim, path, held, settings)
+    release: list[Segment] = [Release.of(internal), Straight(arm[last:], settings.approach_time)]
+    return [
+        *([] if detour is None else [Reach(detour, settings.reach_time)]),
+        Straight(arm[: path.grasp + 1], settings.approach_time, "approach"),
+        *([] if path.pushes else [Grip.on(gripper, internal)]),
+        Along(held, seconds, "pull", q, progress),
+        *(release if last < len(arm) - 1 else []),
+    ]
+
+
+def plan(sim: Simulation, settings: PlannerConfig, tool_path: Skill) -> Trajectory:
+    """Return the trajectory that does a task in a simulation's stage; InputError: out of reach."""
+    path, arm = planned_path(sim, settings, tool_path)
+    return _trajectory(sim, path, arm, settings, len(arm) - 1, settle=0.0)
+
+
+def _trajectory(
+    sim: Simulation, path: ToolPath, arm: np.ndarray, settings: PlannerConfig, last: int, **timing: float
+) -> Trajectory:
+    """Return the segments in time; `timing` goes to Timeline."""
+    opened = 0.0 if path.pushes or sim.stage.internal else None
+    detour = reach_around(sim.stage, sim.robot, arm[0], float(path.q[0]), settings, opened)
+    line = Timeline(
+        arm[0] if detour is None else detour[0],
+        sim.robot,
+        sim.plan_limits,
+        sim.config.control_frequency,
+        settings.close_time,
+        closed=opened is not None,
+        part=float(path.q[0]),
+        **timing,
+    ).add(segments(sim, path, arm, settings, detour, last))
+    trajectory = line.trajectory(settings.start_noise, settings.reach_time)
+    return replace(trajectory, closed=line.span("approach")[1] + 1) if path.pushes else trajectory
+
+
+def _pull_time(sim: Simulation, path: ToolPath, arm: np.ndarray, settings: PlannerConfig) -> tuple[float, Progress]:
+    """Return how long a pull along a joint path [pose arm] takes [s], and its progress: the planner's own, or a law's."""
+    if settings.pull_law is None:
+        return settings.pull_time, eased
+    law = pull_law.read(settings.pull_law)
+    length = abs(float(path.q[-1] - path.q[path.grasp])) * sim.stage.lever_arm
+    if abs(length - law.goal) > SAME_GOAL:
+        raise InputError(
+            f"{settings.pull_law}: a law for a pull of {law.goal:.3f} m; this one is {length:.3f} m long; give "
+            "planner.opening, or make a law for this part"
+        )
+    frequency = sim.config.control_frequency
+    steps = len(timed(arm, law.seconds, sim.plan_limits, frequency, law.progress))
+    if steps > math.ceil(law.seconds * frequency):
+        text = "%s: the robot's limits stretch the pull from %.2f to %.2f s"
+        _log.warning(text, settings.pull_law, law.seconds, steps / frequency)
+    return law.seconds, law.progress
+
+
+def demonstration(sim: Simulation, settings: PlannerConfig, tool_path: Skill) -> Demonstration:
+    """Return the planned motion as one on which episodes start.
+
+    The fingers stand open until the part moves, then MARGIN off what they hold, on which they close at once; those that hold a
+    pocket from within stand closed, then MARGIN off its walls.
+
+    Raises:
+        InputError: the arm cannot reach along the whole path.
+    """
+    trajectory, arm = plan(sim, settings, tool_path), len(sim.robot.arm_joints)
+    positions = np.concatenate([trajectory.targets, trajectory.part[:, None]], axis=1)
+    opened, held = position_limits(sim.robot)[1][arm:], sim.stage.grasp_size[1] / 2 + MARGIN
+    if trajectory.targets[:, arm:].any():  # what pushes is closed all the time
+        before, after = (0.0, held_from_within(sim)) if sim.stage.internal else (opened, np.minimum(held, opened))
+        positions[: trajectory.closed, arm:-1] = before
+        positions[trajectory.closed :, arm:-1] = after
+    return Demonstration(trajectory.targets, positions, trajectory.closed)
+
+
+def held_from_within(sim: Simulation) -> float:
+    """Return the finger joints' coordinate at which the fingers are MARGIN off the walls of the pocket that they hold [m]."""
+    gripper = sim.robot.gripper
+    return float(np.clip(sim.stage.grasp_size[1] / 2 - gripper.finger_box[1] - MARGIN, 0.0, gripper.finger_joint_open))
+
+
+@dataclass(frozen=True)
+class LettingGo:
+    """The motion of a task that moves a part: grasp, move, let go, draw back.
+
+    Attributes:
+        demonstration: its targets, as the policy takes them.
+        arm: its joint path, shape [pose arm].
+        approach: straight path to the handle [m].
+        retreat: that back from it [m].
+    """
+
+    demonstration: Demonstration
+    arm: np.ndarray
+    approach: float
+    retreat: float
+
+
+def plan_letting_go(sim: Simulation, settings: PlannerConfig, tool_path: Skill) -> LettingGo:
+    """Return the motion that does a task and lets go of the handle, with the first fractions of LET_GO that the arm reaches.
+
+    Raises:
+        InputError: the arm cannot reach along the path.
+    """
+    first: InputError | None = None
+    for ahead, back, opening in LET_GO:
+        shorter = replace(settings, approach=ahead * settings.approach, opening=opening * settings.opening)
+        try:
+            path, arm = planned_path(sim, shorter, partial(_with_retreat, tool_path, back))
+        except InputError as error:
+            first = first or error
+            continue
+        count = round(back * path.grasp)
+        trajectory = _trajectory(sim, path, arm, shorter, len(arm) - 1 - count)
+        positions = np.concatenate([trajectory.targets, trajectory.part[:, None]], axis=1)
+        motion = Demonstration(trajectory.targets, positions, trajectory.closed)
+        return LettingGo(motion, arm, shorter.approach, shorter.approach * count / max(1, path.grasp))
+    assert first is not None, "there are fractions to try"
+    raise first
+
+
+def _with_retreat(tool_path: Skill, fraction: float, stage: SimStage, settings: PathSettings) -> ToolPath:
+    return drawn_back(stage.joint, tool_path(stage, settings), fraction)
+
+
+def drawn_back(joint: Joint, path: ToolPath, fraction: float) -> ToolPath:
+    """Return a tool path, and after it a fraction of the approach backwards, from where the part of a joint was moved to."""
+    moved = transform(joint, float(path.q[-1])) @ np.linalg.inv(transform(joint, float(path.q[path.grasp])))
+    back = moved @ path.poses[: path.grasp][::-1][: round(fraction * path.grasp)]
+    poses, q = np.concatenate([path.poses, back]), np.append(path.q, np.full(len(back), path.q[-1]))
+    return replace(path, poses=poses, q=q)
+
+
+def planned_path(sim: Simulation, settings: PlannerConfig, tool_path: Skill) -> tuple[ToolPath, np.ndarray]:
+    """Return a task's tool path in a simulation's stage and a joint path [pose arm] that follows it; InputError: out of reach."""
+    path = tool_path(sim.stage, settings)
+    paths = joint_paths(kinematics(sim.robot), sim.stage, path, settings)
+    return path, paths[most_clear(sim.stage, sim.robot, paths, path)]
+
+
+def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, settings: PlannerConfig) -> np.ndarray:
+    """Return the joint paths along a tool path, shape [path pose arm], the best first.
+
+    They are ordered by how far they keep from the joint limits and how near home they begin.
+
+    Raises:
+        InputError: there is none.
+    """
+    (paths,) = follow(kin, path.poses, matrix(stage.base)[None], settings.ik_seeds, settings.seed)
+    if not len(paths):
+        raise InputError(
+            f"{stage.path}: the arm cannot follow part {stage.target!r} from its base at {np.round(stage.base[:3], 2)} m; "
+            f"give search_base=true to s2a evaluate, or prepare the stage again, with robot={stage.robot}"
+        )
+    distance = np.abs(paths[:, 0] - np.array(kin.spec.home)).max(axis=1)
+    margin = np.minimum(paths - kin.lower, kin.upper - paths).min(axis=(1, 2))
+    jump = np.abs(np.diff(paths, axis=1)).max(axis=(1, 2))
+    return paths[np.argsort(distance + jump - 2.0 * np.clip(margin, 0.0, 0.2), kind="stable")]
+
+
+def most_clear(stage: SimStage, spec: RobotSpec, paths: np.ndarray, path: ToolPath) -> int:
+    """Return the index of the first joint path [path pose arm] that meets nothing, else of the one that does least.
+
+    What it meets itself weighs more than what is on the way to it, which may be led around. The arm turns all joints evenly from
+    home to a path's first pose, where nothing may touch; from there on the gripper and the part move together, and the rest of
+    the arm may not touch that either.
+    """
+    base, part, home = matrix(stage.base), moving_part(stage), np.array(spec.home)
+    still, start = Workcell(spec, beside_part(stage, stage.also)), Workcell(spec, room_around(stage, float(path.q[0])))
+    best = (np.inf, np.inf, 0)
+    for k, joints in enumerate(paths[:PATHS]):
+        reach = straight(home, joints[0])
+        own, _ = still.met(joints, base, part, path.q)
+        on_the_way = max(float(start.arm_depth(reach, base).max()), still.shape.self_penetration(reach)[0])
+        if max(own, on_the_way) <= SLACK:
+            return k
+        best = min(best, (max(own, SLACK), on_the_way, k))
+    return best[2]
+
+
+def moving_part(stage: SimStage) -> MovingPart:
+    """Return a stage's part alone, as scanned."""
+    room, target = stage.room, stage.target
+    alone = replace(room, bodies={target: room.bodies[target]}, articulations={}, free={}, static_colliders=())
+    return MovingPart(stage.joint, Obstacles.of_room(alone, (), stage.grasp[:3]))
+
+
+def beside_part(stage: SimStage, without: Sequence[str] = (), about: np.ndarray | None = None) -> Obstacles:
+    """Return the hulls about a point [3], the handle by default, but for the part's, those of what hangs on it, and of others."""
+    riders = {i for i in stage.room.articulations if stage.target in stage.room.carriers(i)}
+    return Obstacles.of_room(stage.room, {stage.target, *riders, *without}, stage.grasp[:3] if about is None else about)
+
+
+def room_around(stage: SimStage, q: float) -> Obstacles:
+    """Return the hulls around a stage's part, which stands at a coordinate, and the robot's pedestal."""
+    room = moved_room(stage.room, stage.target, q, {})
+    return Obstacles.of_room(room, (), stage.grasp[:3]).with_column(stage.base[:3], *stage.pedestal)
+
+
+def reach_around(
+    stage: SimStage,
+    spec: RobotSpec,
+    first: np.ndarray,
+    q: float,
+    settings: PlannerConfig,
+    opened: float | None = None,
+) -> np.ndarray | None:
+    """Return joints [pose arm] from home to `first` [arm] around a part at a coordinate, and around the room.
+
+    The pads are `opened` apart [m]; None: fully open.
+    None where the straight lines from all starts are free, or no motion was found.
+    """
+    cell, home = Workcell(spec, room_around(stage, q)), np.array(spec.home)
+    depth = cell.empty(matrix(stage.base), opened)
+    if cell.all_free(depth, lines(noisy_starts(spec, settings.start_noise, settings.seed), first)):
+        return None
+    search = Search(spec, cell.kin, settings.seed)
+    motions = (search.moved(cell, home, first, depth, more, again) for again, more in enumerate(CLEARANCES))
+    return next((path for path in motions if path is not None), None)

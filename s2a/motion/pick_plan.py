@@ -1,0 +1,315 @@
+"""Plans to pick a free object and place it: base, grasp and joint paths, or the segment that fails and by how much."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2a.motion.grasps import SAMPLES, GraspCache, ObjectGrasps, failure
+from s2a.motion.gripper import FIRM, Contact, gripper_depth, is_near
+from s2a.motion.obstacles import Obstacles, surface_points
+from s2a.motion.search import Follow, Search, Stand, around, chunks, reached
+from s2a.motion.workcell import Workcell
+from s2a.robot.collision import Penetration, robot_shape
+from s2a.robot.spec import RobotSpec
+from s2a.robot.tool_path import matrix
+from s2a.scene.usd.sim_scene import SimRoom
+
+LIFT = 0.08
+"""[m] Straight path after the grasp, and above the place."""
+STEP = 0.02
+"""[m] Between poses of a straight path."""
+DROP = 0.001
+"""[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""
+GRASPS, BASES, PAIRS = 16, 24, 96
+"""Grasps and bases that are tried, and pairs of both that are planned to the end."""
+BLOCK = 256
+"""Grasps that are looked at together."""
+ENOUGH = 8
+"""Grasps of different directions from which no more are looked for."""
+IK_SEEDS = 12
+"""Starts of the inverse kinematics."""
+WIDE = 0.02, 0.01
+"""[m] More than needed, by which arm and held object keep from the room where that can be done: an arm lags behind its motion and
+cuts its corners, by 2 cm before a mirror cabinet, and an object that has slipped by a few millimetres met what it was to pass."""
+BRANCHES = 3
+"""Branches of the inverse kinematics that are tried for each straight path."""
+FAR, MORE = 1.6, 2
+"""[rad] Turn of a joint between start and place from which a plan comes last: held objects slip on the long way. And blocks of
+pairs that are looked at for a shorter way."""
+AT_ONCE = 8
+"""Pairs whose inverse kinematics are solved together."""
+Fits = Callable[[list[Stand]], list[Stand]]
+"""Bases -> those of them that will do."""
+
+
+@dataclass(frozen=True)
+class PickTask:
+    """An object that is picked and placed.
+
+    Attributes:
+        room: as it stands.
+        target: id of the object.
+        start: where it stands, 7-vector of its body frame, scene frame.
+        goal: where it is placed, likewise.
+        approach: straight path to the grasp, and back after the release [m].
+    """
+
+    room: SimRoom
+    target: str
+    start: np.ndarray
+    goal: np.ndarray
+    approach: float
+
+
+@dataclass(frozen=True)
+class PickPlan:
+    """A plan to pick and place an object.
+
+    Attributes:
+        base: pose of the robot's base, 7-vector, scene frame.
+        pedestal: height of what it stands on [m].
+        reach: joints from home to the point of approach, shape [pose arm].
+        approach: from there to the grasp.
+        lift: from the grasp to above it.
+        carry: from there to above the place.
+        lower: from there to the place.
+        retreat: from there with open fingers, back from the object.
+        again: from above the grasp back to the point of approach, for an object that was not lifted; None: that is not free.
+        grasp: tool frame in the object's body frame when the fingers close, shape [4 4].
+        opened: distance of the pads before and after [m].
+    """
+
+    base: np.ndarray
+    pedestal: float
+    reach: np.ndarray
+    approach: np.ndarray
+    lift: np.ndarray
+    carry: np.ndarray
+    lower: np.ndarray
+    retreat: np.ndarray
+    again: np.ndarray | None
+    grasp: np.ndarray
+    opened: float
+
+    def swept(self, spec: RobotSpec, surface: np.ndarray) -> np.ndarray:
+        """Return points [point 3] that the arm, from home on, and the object's surface [point 3] in its hand pass."""
+        to_start = np.linspace(spec.home, self.reach[0], 9)
+        carried = np.concatenate([self.lift, self.carry, self.lower])
+        arm = self.passed(spec, np.concatenate([to_start, self.reach, self.approach, carried, self.retreat]))
+        base = matrix(self.base)
+        body = base @ robot_shape(spec).kin.tool(carried) @ np.linalg.inv(self.grasp)
+        held = surface @ body[:, :3, :3].transpose(0, 2, 1) + body[:, None, :3, 3]
+        return np.concatenate([arm, held.reshape(-1, 3)])
+
+    def passed(self, spec: RobotSpec, arm: np.ndarray) -> np.ndarray:
+        """Return points [point 3] within the arm in joints [pose arm], scene frame."""
+        shape, base = robot_shape(spec), matrix(self.base)
+        return shape.centers(arm)[:, shape.moving].reshape(-1, 3) @ base[:3, :3].T + base[:3, 3]
+
+
+@dataclass(frozen=True)
+class StraightPaths:
+    """The straight paths at start and place.
+
+    Attributes:
+        stand: the base.
+        up: joints of approach and lift, shape [pose arm].
+        held: the object in the tool frame [4 4].
+        opened: distance of the open pads [m].
+        down: joints of lowering and retreat, shape [pose arm].
+    """
+
+    stand: Stand
+    up: np.ndarray
+    held: np.ndarray
+    opened: float
+    down: np.ndarray
+
+    @property
+    def turn(self) -> float:
+        """Largest turn of a joint between start and place [rad]."""
+        return float(np.abs(self.down[0] - self.up[-1]).max())
+
+
+def plan_pick(
+    task: PickTask,
+    spec: RobotSpec,
+    seed: int = 0,
+    fits: Fits | None = None,
+    contacts: Sequence[Contact] = (FIRM,),
+    known: GraspCache | None = None,
+) -> PickPlan:
+    """Return how a robot picks an object at a pose and places it at another.
+
+    Args:
+        task: what is done.
+        spec: the robot.
+        seed: of the searches.
+        fits: which bases will do, of those where the robot can stand; None: all.
+        contacts: how the object may be held, those that come first where there is a plan with them.
+        known: grasps of this object by this robot, for several calls.
+
+    Raises:
+        Unreachable: no grasp, base or path was found.
+    """
+    planner = PickPlanner(task, spec, known or GraspCache(task.room.free[task.target], spec.gripper), seed)
+    return planner.plan(fits, contacts)
+
+
+class PickPlanner:
+    """Base, grasp and paths for an object, cheapest tests first."""
+
+    def __init__(self, task: PickTask, spec: RobotSpec, known: GraspCache, seed: int) -> None:
+        """Take what is done, by which robot, and the object's grasps."""
+        self._spec, self._known, self._seed, self._target = spec, known, seed, task.target
+        self._start, self._goal, self._approach = matrix(task.start), matrix(task.goal), task.approach
+        self._cell = Workcell(spec, Obstacles.of_room(task.room, {task.target}, (task.start[:3] + task.goal[:3]) / 2))
+        self._points = surface_points([c.mesh for c in task.room.free[task.target].colliders])
+        self._search = Search(spec, self._cell.kin, seed)
+
+    def plan(self, fits: Fits | None, contacts: Sequence[Contact]) -> PickPlan:
+        """Return the first plan; Unreachable: there is none."""
+        up, tried = self._start[2, :3], []
+        for contact in contacts:
+            for samples in SAMPLES:
+                every = self._known(samples, contact, up)
+                kept = self._diverse(every)
+                tried.append((every, bool(kept)))
+                if kept and (plan := self._with(every[kept], fits)) is not None:
+                    return plan
+                if len(kept) >= ENOUGH:
+                    break
+        nearest = 0.0 if any(clear for _, clear in tried) else self._least([every for every, _ in tried])
+        size = float(np.ptp(self._points, axis=0).min())
+        raise failure(self._target, nearest, size, self._search.misses, self._spec)
+
+    def _with(self, grasps: ObjectGrasps, fits: Fits | None) -> PickPlan | None:
+        """Return the first plan with one of some grasps."""
+        pairs = chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE)
+        ordered = shorter_first(self._paths(some, grasps) for some in pairs)
+        return next(filter(None, map(self._joined, ordered)), None)
+
+    def _pairs(self, grasps: np.ndarray, fits: Fits | None) -> Iterator[tuple[Stand, int]]:
+        """Yield bases and indices of grasps that reach, those where the arm was found to be clear first."""
+        places = {"grasp": self._start, "place": self._goal}
+        later: list[tuple[Stand, int]] = []
+        for some in chunks(around(self._cell, self._start, self._goal), BASES):
+            kept = some if fits is None else fits(some)
+            for stand, k, clear in reached(self._cell, places, kept, grasps, self._seed, self._search.misses):
+                if clear:
+                    yield stand, k
+                else:
+                    later.append((stand, k))
+        yield from later
+
+    def _least(self, tried: list[ObjectGrasps]) -> float:
+        """Return the penetration depth [m] of the grasp that comes nearest to being clear, inf of none."""
+        least = math.inf
+        for grasps in tried:
+            for block in chunks(iter(range(len(grasps.tool))), BLOCK):
+                least = min(least, float(self._depth(grasps[block], least).min()))
+        return least
+
+    def _depth(self, grasps: ObjectGrasps, limit: float = 0.0) -> np.ndarray:
+        """Return how deep the gripper reaches into what is around start and place, shape [grasp]; see `gripper_depth`."""
+        near, gripper, lengths = self._cell.obstacles, self._spec.gripper, (self._approach, LIFT)
+        ends = (self._start, self._goal)
+        return np.maximum(
+            *(gripper_depth(near, gripper, at @ grasps.tool, grasps.opened, *lengths, limit) for at in ends)
+        )
+
+    def _diverse(self, grasps: ObjectGrasps) -> list[int]:
+        """Return up to GRASPS of them, in order, that keep clear.
+
+        No two have nearly the same direction, so that those near to one that is kept need not be looked at.
+        """
+        kept: list[int] = []
+        for block in chunks(iter(range(len(grasps.tool))), BLOCK):
+            some = [k for k in block if not is_near(grasps.tool[k], grasps.tool[kept])]
+            depth = self._depth(grasps[some]) if some else np.zeros(0)
+            for k, reached_into in zip(some, depth, strict=True):
+                # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
+                if reached_into <= 0.0 and not is_near(grasps.tool[k], grasps.tool[kept]):
+                    kept.append(k)
+                if len(kept) == GRASPS:
+                    return kept
+        return kept
+
+    def _paths(self, pairs: list[tuple[Stand, int]], grasps: ObjectGrasps) -> Iterator[StraightPaths]:
+        """Yield the straight paths for bases and indices of grasps; what fails is noted."""
+        stands, remedy = [stand for stand, _ in pairs], "; choose a place with more room"
+        ups = np.stack([there_and_up(self._start @ grasps.tool[k], self._approach) for _, k in pairs])
+        up = Follow("approach and lift", 1, ups, self._meets, IK_SEEDS, kept=BRANCHES, remedy=remedy)
+        partial, downs = [], []
+        for k, path in self._search.followed(stands, up):
+            at = len(path) - 1 - round(LIFT / STEP)
+            tool = self._cell.kin.tool(path[at : at + 1])[0]
+            held = np.linalg.inv(tool) @ np.linalg.inv(stands[k].base) @ self._start
+            down = self._goal @ np.linalg.inv(held)
+            down[2, 3] += DROP
+            partial.append((stands[k], path, held, float(grasps.opened[pairs[k][1]])))
+            downs.append(there_and_up(down, self._approach)[::-1])
+        if not partial:
+            return
+        lifted = np.stack([path[-1] for _, path, *_ in partial])
+        lower = Follow(
+            "lowering and retreat", 2, np.stack(downs), self._meets, IK_SEEDS, kept=BRANCHES, near=lifted,
+            may_flip=False, remedy=remedy,
+        )  # fmt: skip
+        for k, path in self._search.followed([stand for stand, *_ in partial], lower):
+            yield StraightPaths(*partial[k], path)
+
+    def _meets(self, stand: Stand, path: np.ndarray) -> Penetration:
+        return self._cell.met(path, stand.base)
+
+    def _joined(self, paths: StraightPaths) -> PickPlan | None:
+        """Return a plan with these straight paths at start and place; None where what joins them is not free."""
+        cell, search, stand, opened = self._cell, self._search, paths.stand, paths.opened
+        body = np.linalg.inv(stand.base) @ self._start
+        empty = cell.empty(stand.base, opened, self._points @ body[:3, :3].T + body[:3, 3])
+        holding = cell.holding(stand.base, opened, paths.held, self._points)
+        home, up, down = np.array(self._spec.home), paths.up, paths.down
+        reach = search.joined(cell, stand, home, up[0], empty, "reach", 3, WIDE)
+        carry = None if reach is None else search.joined(cell, stand, up[-1], down[0], holding, "carry", 4, WIDE)
+        if reach is None or carry is None:
+            return None
+        again = search.joined(cell, stand, up[-1], up[0], empty, "reach again", 0, WIDE)
+        at, low = len(up) - 1 - round(LIFT / STEP), round(LIFT / STEP)
+        return PickPlan(
+            stand.vector, stand.pedestal, reach, up[: at + 1], up[at:], carry, down[: low + 1], down[low:],
+            again, np.linalg.inv(paths.held), opened,
+        )  # fmt: skip
+
+
+def shorter_first(blocks: Iterator[Iterator[StraightPaths]]) -> Iterator[StraightPaths]:
+    """Yield straight paths; those for which the arm turns far between start and place after a look at MORE further blocks."""
+    far: list[StraightPaths] = []
+    for number, paths in enumerate(blocks):
+        for each in paths:
+            if each.turn > FAR:
+                far.append(each)
+            else:
+                yield each
+        if number >= MORE:
+            yield from far
+            far.clear()
+    yield from far
+
+
+def there_and_up(tool: np.ndarray, approach: float) -> np.ndarray:
+    """Return poses [pose 4 4] from `approach` [m] before a tool pose [4 4] to it, and from there LIFT up, about STEP apart."""
+    back = _line(tool, -approach * tool[:3, 2])[::-1]
+    return np.concatenate([back, _line(tool, np.array([0.0, 0.0, LIFT]))[1:]])
+
+
+def _line(tool: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Return poses from a tool pose [4 4] to the same shifted by an offset [3], shape [pose 4 4]."""
+    count = max(1, round(float(np.linalg.norm(offset)) / STEP)) + 1
+    poses = np.tile(tool, (count, 1, 1))
+    poses[:, :3, 3] += np.linspace(0.0, 1.0, count)[:, None] * offset
+    return poses

@@ -1,0 +1,254 @@
+"""Placements of an object: as scanned, on a support, at a pose, or where an insertion put it."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.core.errors import InputError
+from s2a.motion.grasps import refuse_ungraspable
+from s2a.motion.gripper import FIRM, Contact
+from s2a.motion.obstacles import Obstacles, surface_points
+from s2a.motion.search import Unreachable
+from s2a.robot.spec import RobotSpec
+from s2a.robot.tool_path import matrix
+from s2a.scene.usd.sim_scene import SimRoom
+
+Ends = TypeVar("Ends")
+Plan = TypeVar("Plan")
+GRID = 0.04
+"""[m] Between the spots that are tried on a support."""
+LEVEL = 0.0015
+"""[m] Up to which a support's height may differ below an object; half over an edge of 4 mm, a wine glass falls over."""
+FOOT = 0.01
+"""[m] Above an object's lowest point, up to which it stands on its support."""
+APART = 0.15
+"""[m] Least distance of a free spot from where the object stands."""
+MARGINS = 0.16, 0.08, 0.04, 0.015
+"""[m] Between an object on a free spot and everything beside it: room for the gripper from all sides; else half of its width;
+else an open finger with its clearance, and the arm's error; else what keeps it from touching, for a grasp from above."""
+NEARBY = 0.7
+"""[m] From the other end of the motion, up to which spots come first, however little room is around them."""
+FAR = 0.9
+"""[m] Between both ends, seen from above, at most: an arm of 0.855 m stands between them."""
+HIGH = 1.2
+"""[m] Between the heights of both ends, at most, likewise."""
+CANDIDATES, OF_ONE = 6, 3
+"""Free places that a task plans for, one after the other, until there is a plan; and of them on one of several supports."""
+NEAR = "nearby"
+"""Stands for free places of what carries the object at the other end, and of what is near that."""
+GAP = 0.001
+"""[m] Between an object and its support where it is put down."""
+
+
+def free_object(room: SimRoom, name: str | None) -> str:
+    """Return the id of a free object; None stands for the only one. InputError: there is none such; it lists them."""
+    known = ", ".join(room.free) or "none; give s2a prepare free=[...]"
+    if name is None and len(room.free) == 1:
+        return next(iter(room.free))
+    if name not in room.free:
+        raise InputError(f"part={name} is no free object of room {room.name!r}; possible: {known}")
+    return name
+
+
+def scanned(room: SimRoom, name: str) -> np.ndarray:
+    """Return where an object stands in the room's file, 7-vector."""
+    body = room.free[name]
+    return np.array([*body.position, *body.orientation], float)
+
+
+def place_poses(
+    room: SimRoom, name: str, request: str | None, other: np.ndarray, level: float = LEVEL
+) -> Iterator[np.ndarray]:
+    """Yield the poses of an object's body frame of a request, 7-vectors, scene frame: one, or several of a support.
+
+    Args:
+        room: the room.
+        name: id of the object.
+        request: None: as it stands; "x y z [yaw in degrees]"; an insert.json; the id of a support: free spots near `other`; NEAR:
+            those of what is near.
+        other: the other end of the motion, 7-vector.
+        level: up to which a support's height may differ below the object [m].
+
+    Raises:
+        InputError: none of these; no free spot; an insertion of another object.
+    """
+    if request is None:
+        yield scanned(room, name)
+        return
+    if request.endswith(".json"):
+        yield _inserted(room, name, Path(request))
+        return
+    if request == NEAR:
+        yield from itertools.islice(nearby_placements(room, name, other, level), CANDIDATES)
+        return
+    try:
+        numbers = [float(x) for x in request.replace(",", " ").split()]
+    except ValueError:
+        yield from itertools.islice(free_placements(room, name, request, other, level), CANDIDATES)
+        return
+    if len(numbers) not in (3, 4):
+        raise InputError(f"{request!r} is no pose; expected 'x y z' or 'x y z yaw', metres and degrees")
+    yaw = Rotation.from_euler("z", numbers[3] if len(numbers) == 4 else 0.0, degrees=True)
+    turned = yaw * Rotation.from_quat(room.free[name].orientation)
+    yield np.array([*numbers[:3], *turned.as_quat()])
+
+
+def _inserted(room: SimRoom, name: str, record: Path) -> np.ndarray:
+    """Return where an insertion put an object: where it stands in a room that was prepared with it."""
+    try:
+        ids = [each.get("id") for each in json.loads(record.read_text())["objects"]]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{record}: no insertion record ({error}); give the insert.json of s2a insert") from error
+    if name not in ids:
+        raise InputError(f"{record} did not insert {name!r}; it inserted: {', '.join(filter(None, ids)) or 'nothing'}")
+    return scanned(room, name)
+
+
+def nearby_placements(room: SimRoom, name: str, other: np.ndarray, level: float = LEVEL) -> Iterator[np.ndarray]:
+    """Yield free placements near a place (7-vector): on what carries the object there, then on what is near, the floor too.
+
+    Raises:
+        InputError: there is none.
+    """
+    near = Obstacles.of_room(room, {name}, other[:3])
+    own = near.below(other[None, :3])[1][0]
+    away = {i: _distance(near, i, other) for i in dict.fromkeys(near.names) if i != own and i not in room.free}
+    found = 0
+    for support in [own, *sorted(away, key=lambda i: away[i])]:
+        spots = (
+            pose for pose in _placements(room, name, support, other, near, level) if abs(pose[2] - other[2]) <= HIGH
+        )
+        for pose in itertools.islice(spots, OF_ONE):
+            found += 1
+            yield pose
+    if not found:
+        raise InputError(f"nothing within {FAR:.1f} m of {name!r} has a level spot that is free for it; give a pose")
+
+
+def _distance(near: Obstacles, support: str, other: np.ndarray) -> float:
+    """Return how far the box about a part is from a place [m]."""
+    points = np.concatenate([h.vertices for h in near.hulls_of(support)])
+    return float(np.linalg.norm(np.clip(other[:3], points.min(axis=0), points.max(axis=0)) - other[:3]))
+
+
+def free_placements(
+    room: SimRoom, name: str, support: str, other: np.ndarray, level: float = LEVEL
+) -> Iterator[np.ndarray]:
+    """Yield poses at which an object stands on a support, level and clear of all else, turned as it is in the file.
+
+    They are APART from each other and from `other` (7-vector), and up to FAR from that. First come those NEARBY with the largest
+    of MARGINS, and of those the nearest ones.
+
+    Raises:
+        InputError: no such support near the object, or no free spot on it.
+    """
+    near = Obstacles.of_room(room, {name}, other[:3])
+    if support not in near.names:
+        known = ", ".join(dict.fromkeys(near.names))
+        raise InputError(f"{support!r} supports nothing within 2 m of {name!r}; near are: {known}")
+    found = _placements(room, name, support, other, near, level)
+    first = next(found, None)
+    if first is None:
+        raise InputError(
+            f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands"
+        )
+    yield first
+    yield from found
+
+
+def _placements(
+    room: SimRoom, name: str, support: str, other: np.ndarray, near: Obstacles, level: float
+) -> Iterator[np.ndarray]:
+    """Yield the poses of `free_placements`, if there are any, in a room without the object."""
+    hulls = near.hulls_of(support)
+    bounds = np.concatenate([h.vertices for h in hulls])
+    body = room.free[name]
+    turn = matrix(scanned(room, name))[:3, :3]
+    points = surface_points([c.mesh for c in body.colliders]) @ turn.T
+    corners = np.concatenate([c.mesh.vertices for c in body.colliders]) @ turn.T
+    feet = corners[corners[:, 2] < corners[:, 2].min() + FOOT]
+    spots = _level_spots(near, support, footprint(feet), bounds, other, level)
+    taken = [np.array(other[:2])]
+    for margin, spot in _in_order(spots, other):
+        if min(np.linalg.norm(spot[:2] - each) for each in taken) < APART:
+            continue
+        at = spot + [0.0, 0.0, GAP - float(feet[:, 2].min())]
+        beside = points + at
+        # Spheres about what is low would reach into the support.
+        beside[:, 2] = np.maximum(beside[:, 2], spot[2] + margin + level)
+        if near.depth(beside, np.full(len(beside), margin)) <= 0.0:
+            taken.append(spot[:2])
+            yield np.array([*at, *body.orientation])
+
+
+def _level_spots(
+    near: Obstacles, support: str, foot: np.ndarray, bounds: np.ndarray, other: np.ndarray, level: float
+) -> np.ndarray:
+    """Return places of a grid [spot 3] at which a foot [point 2] stands on a support of these points [point 3], level."""
+    low, high = np.maximum(bounds.min(axis=0)[:2], other[:2] - FAR), np.minimum(bounds.max(axis=0)[:2], other[:2] + FAR)
+    grid = [np.arange(low[k], high[k], GRID) for k in range(2)]
+    spots = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
+    if not len(spots):
+        return np.zeros((0, 3))
+    above = np.concatenate(
+        [spots[:, None] + foot, np.full((len(spots), len(foot), 1), bounds[:, 2].max() + 0.3)], axis=2
+    )
+    height, names = near.below(above.reshape(-1, 3))
+    height, own = height.reshape(len(spots), -1), np.array([n == support for n in names]).reshape(len(spots), -1)
+    with np.errstate(invalid="ignore"):  # what is above nothing is at -inf
+        good = own.all(axis=1) & np.isfinite(height).all(axis=1) & (np.ptp(height, axis=1) <= level)
+    return np.c_[spots, height.max(axis=1)][good]
+
+
+def _in_order(spots: np.ndarray, other: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield margins [m] and places [3] in the order of `free_placements`."""
+    away = np.linalg.norm(spots[:, :2] - other[:2], axis=1)
+    spots, away = spots[np.argsort(away, kind="stable")], np.sort(away, kind="stable")
+    split = int((away <= NEARBY).sum())
+    for some in (spots[:split], spots[split : int((away <= FAR).sum())]):
+        yield from itertools.product(MARGINS, some)
+
+
+def footprint(points: np.ndarray) -> np.ndarray:
+    """Return points on the ground below what an object stands on [point 3] and around it with some margin, shape [point 2]."""
+    low, high = points[:, :2].min(axis=0) - 0.01, points[:, :2].max(axis=0) + 0.01
+    sides = [np.linspace(a, b, 3) for a, b in zip(low, high, strict=True)]
+    return np.array(list(itertools.product(*sides)))
+
+
+def first_planned(
+    room: SimRoom,
+    name: str,
+    spec: RobotSpec,
+    ends: Iterable[Ends],
+    plan: Callable[[Ends], Plan],
+    contact: Contact = FIRM,
+) -> tuple[Ends, Plan]:
+    """Return the first of some starts and places of an object for which there is a plan, and that plan.
+
+    Where there is none for any, it is asked whether the gripper finds a contact on the object at all.
+
+    Raises:
+        Unreachable: of the first ones, where there is none for any; Ungraspable where the object is why.
+        InputError: there are no starts or places.
+    """
+    first: Unreachable | None = None
+    try:
+        for each in ends:
+            try:
+                return each, plan(each)
+            except Unreachable as error:
+                first = first or error
+    except InputError:  # no spot is free; the object may be too large for the gripper as well
+        refuse_ungraspable(room, name, spec, contact)
+        raise
+    refuse_ungraspable(room, name, spec, contact)
+    assert first is not None, "`place_poses` yields a pose, or raises"
+    raise first

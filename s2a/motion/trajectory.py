@@ -1,0 +1,194 @@
+"""Joint targets in time, within the limits of the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from s2a.robot.spec import GripperSpec, JointLimits
+
+Progress = Callable[[np.ndarray], np.ndarray]
+"""Time from 0 to 1 -> how far along a path, 1 at its end; beyond it where above."""
+USED = 0.8
+"""Largest fraction of a limit that is planned with; the rest is for the controller."""
+EASE = 0.25
+"""Fraction of a motion's time in which it gains speed, and in which it loses it."""
+RAMP = 0.1
+"""[s] In which the fingers reach their speed, and stop."""
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A stretch of a trajectory on which the gripper moves along with something that is not where it was planned to be.
+
+    The correction grows from `begin` to `first`, is whole from there to `last`, and is gone at `end`; indices of the targets.
+
+    Attributes:
+        to: what it moves with. object: what the robot picks, seen as an episode begins; held: the object in the gripper, seen at
+            `begin`, whose place may be in `part`; handle: that of `part` as the robot comes back to it, seen at `begin`; grasp:
+            the handle as the policy observes it when an episode begins.
+        begin: where the correction begins.
+        first: from where on it is whole.
+        last: up to where it is whole.
+        end: from where on there is none; beyond the end where the motion ends before.
+        held: planned pose of the object in the tool frame, shape [4 4]; of `held`.
+        part: id of an articulated part; empty: none.
+    """
+
+    to: Literal["object", "held", "handle", "grasp"]
+    begin: int
+    first: int
+    last: int
+    end: int
+    held: np.ndarray | None = None
+    part: str = ""
+
+    def weights(self, steps: int) -> np.ndarray:
+        """Return the fraction of the correction at each of so many steps, shape [step]."""
+        step = np.arange(steps)
+        rising = eased((step - self.begin + (self.first == self.begin)) / max(self.first - self.begin, 1))
+        return rising - eased((step - self.last) / max(self.end - self.last, 1))
+
+
+@dataclass(frozen=True)
+class Retry:
+    """A motion back for an object that was not lifted, from where it should be to the point of approach.
+
+    Attributes:
+        targets: arm and fingers, shape [step joint].
+        seen: index of those at which the arm stands with open fingers, and sees where the object is.
+    """
+
+    targets: np.ndarray
+    seen: int
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Joint targets, one a control step.
+
+    Attributes:
+        targets: arm and fingers, from the point of approach to the end, shape [step joint].
+        part: coordinate of the part at each [m or rad], shape [step].
+        reach_steps: control steps from the start of an episode to `targets[0]`.
+        closed: index of the first target with the gripper closed.
+        anchors: where it moves along with what is elsewhere.
+        retry: how it comes back for what was not lifted; None: it goes on without.
+    """
+
+    targets: np.ndarray
+    part: np.ndarray
+    reach_steps: int
+    closed: int
+    anchors: tuple[Anchor, ...] = ()
+    retry: Retry | None = None
+
+    def anchor(self, to: str) -> Anchor | None:
+        """Return the anchor to something; None: it has none."""
+        return next((each for each in self.anchors if each.to == to), None)
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """A motion that does a task in one stage, a row a control step.
+
+    Attributes:
+        targets: joint targets of the robot [rad, m], shape [step joint].
+        positions: where its joints then are, and last the part's coordinate [rad, m], shape [step joint + 1].
+        grasped: number of steps until the gripper has closed; in those after them the part moves.
+    """
+
+    targets: np.ndarray
+    positions: np.ndarray
+    grasped: int
+
+
+def padded(rows: Sequence[np.ndarray]) -> np.ndarray:
+    """Return motions [step column] of several lengths as one array [motion step column], each one's last row repeated."""
+    longest = max(map(len, rows))
+    return np.stack([np.concatenate([each, np.repeat(each[-1:], longest - len(each), axis=0)]) for each in rows])
+
+
+def eased(time: np.ndarray) -> np.ndarray:
+    """Return a motion from 0 to 1 in the time from 0 to 1, at constant speed between two smooth ramps (peak 4/3 and 8)."""
+    t = np.clip(time, 0.0, 1.0)
+    rising = np.minimum(np.minimum(t, 1.0 - t) / EASE, 1.0)
+    ramp = EASE * (rising**3 - 0.5 * rising**4)
+    before = np.where(rising < 1.0, ramp, np.minimum(t, 1.0 - t) - 0.5 * EASE) / (1.0 - EASE)
+    return np.where(t <= 0.5, before, 1.0 - before)
+
+
+def timed(
+    path: np.ndarray, duration: float, limits: JointLimits, rate: float, progress: Progress = eased
+) -> np.ndarray:
+    """Return targets [step arm] along a joint path [pose arm], at rest at both ends, without its first pose.
+
+    Args:
+        path: evenly spaced poses.
+        duration: at least [s]; more where a limit demands it.
+        limits: of the joints.
+        rate: steps a second.
+        progress: in time.
+    """
+    steps = max(2, math.ceil(duration * rate))
+    for _ in range(3):
+        targets = sampled(path, steps, progress)
+        used = limit_use(np.concatenate([path[:1], targets, targets[-1:]]), limits, rate)
+        if used <= 1.0:
+            break
+        steps = math.ceil(steps * used) + 1
+    return targets
+
+
+def limit_use(targets: np.ndarray, limits: JointLimits, rate: float) -> float:
+    """Return by what factor targets [step arm] would have to be slower for USED of the limits; 1 or less: they keep them."""
+    fast, hard = limit_fractions(targets, limits, rate)
+    return float(max(fast, np.sqrt(hard)))
+
+
+def limit_fractions(targets: np.ndarray, limits: JointLimits, rate: float) -> tuple[float, float]:
+    """Return the largest velocity and acceleration of targets [step arm], at rest at its ends, as fractions of USED limits."""
+    velocity = np.diff(targets, axis=0) * rate
+    acceleration = np.diff(np.concatenate([velocity[:1] * 0.0, velocity, velocity[:1] * 0.0]), axis=0) * rate
+    fast = np.abs(velocity).max(axis=0) / (USED * np.array(limits.velocity))
+    hard = np.abs(acceleration).max(axis=0) / (USED * np.array(limits.acceleration))
+    return float(fast.max()), float(hard.max())
+
+
+def reach_steps(
+    start: np.ndarray, goal: np.ndarray, noise: float, duration: float, limits: JointLimits, rate: float
+) -> int:
+    """Return the steps of an eased motion from near a start to a goal, shape [arm] each, `duration` [s] or more.
+
+    Args:
+        start: [rad].
+        goal: [rad].
+        noise: how far the real start may be from it [rad].
+        duration: at least [s].
+        limits: of the joints.
+        rate: steps a second.
+    """
+    far = goal + np.where(goal >= start, noise, -noise)
+    return len(timed(np.linspace(start, far, 9), duration, limits, rate))
+
+
+def closing(gripper: GripperSpec, duration: float, rate: float) -> np.ndarray:
+    """Return finger positions [step] from open to closed, at constant speed between two ramps, in `duration` [s] or more."""
+    speed = USED * gripper.finger_speed
+    steps = math.ceil(max(duration, gripper.finger_joint_open / speed + RAMP) * rate)
+    time = np.arange(1, steps + 1) / steps
+    ramp = min(0.5, RAMP * rate / steps)
+    speeds = np.clip(np.minimum(time, 1.0 - time) / ramp, 0.0, 1.0)
+    progress = np.cumsum(speeds) / speeds.sum()
+    return gripper.finger_joint_open * (1.0 - progress)
+
+
+def sampled(path: np.ndarray, steps: int, progress: Progress = eased) -> np.ndarray:
+    """Return a path [pose column] in steps, without its first pose."""
+    spline = CubicSpline(np.arange(len(path)), path)
+    return spline((len(path) - 1) * progress(np.arange(1, steps + 1) / steps))

@@ -1,1 +1,0 @@
-"""Tool paths to joint paths."""

@@ -1,0 +1,267 @@
+"""Kernels of every task: acting, weighted terms, observations, results, the end of an episode and its count."""
+
+# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
+from collections.abc import Sequence
+
+import warp as wp
+from mujoco_warp import OverflowType
+
+from s2a.tasks.mdp.world import World
+from s2a.tasks.state import Error, State, sense
+
+wp.set_module_options({"enable_backward": False})  # half the time to compile
+
+ROW_BITS = wp.constant(int(OverflowType.NEFC | OverflowType.NJMAX_NNZ))
+CONTACT_BITS = wp.constant(int(OverflowType.BROADPHASE | OverflowType.NARROWPHASE | OverflowType.CCD))
+
+
+@wp.struct
+class Motion:
+    """How an action moves the joint targets, and where an episode starts.
+
+    Attributes:
+        step: largest change of an arm joint's target in a control step [rad].
+        finger_step: that of a finger [m].
+        limited: 1 where the controller keeps to velocity and acceleration; then the first two are not used.
+        coupled: 1 where one motor drives both fingers.
+        velocity: velocity of each joint for an action of 1 [rad/s, m/s], shape [joint].
+        acceleration: largest change of it [rad/s^2, m/s^2], shape [joint].
+        window: distance of a target from its joint's position at which it stops [rad, m].
+        dt: physics time step [s].
+        delay: least and greatest number of control steps by which an action comes late.
+        home: joint positions at the start [rad, m], shape [joint].
+        noise: half range of the uniform noise on it [rad, m].
+        start: coordinates of everything else at the start, shape [world coord].
+        part_coord: index of the part's coordinate, shape [world].
+        stage: index of each world's stage, shape [world].
+        demo_targets: joint targets of a demonstration, shape [stage step joint].
+        demo_positions: where the joints and, last, the part then are, shape [stage step joint + 1].
+        demo_grasped: steps of each until the gripper has closed, shape [stage].
+        demo_steps: all its steps, shape [stage].
+        demo_fraction: fraction of the episodes that start on it.
+        moved_fraction: of these, the fraction that starts where the part is already moved.
+    """
+
+    step: float
+    finger_step: float
+    limited: int
+    coupled: int
+    velocity: wp.array(dtype=float)
+    acceleration: wp.array(dtype=float)
+    window: float
+    dt: float
+    delay: wp.vec2i
+    home: wp.array(dtype=float)
+    noise: float
+    start: wp.array2d(dtype=float)
+    part_coord: wp.array(dtype=int)
+    stage: wp.array(dtype=int)
+    demo_targets: wp.array3d(dtype=float)
+    demo_positions: wp.array3d(dtype=float)
+    demo_grasped: wp.array(dtype=int)
+    demo_steps: wp.array(dtype=int)
+    demo_fraction: float
+    moved_fraction: float
+
+
+@wp.kernel
+def seed_envs(seed: int, rng: wp.array(dtype=wp.uint32)):
+    """Give every world a random stream of its own."""
+    world = wp.tid()
+    rng[world] = wp.rand_init(seed, world)
+
+
+@wp.func
+def _acting(s: State, m: Motion, world: int, joint: int):
+    """Return the action that acts now: the last one, or where actions come late an earlier one."""
+    if m.delay[1] > 0:
+        return s.past[world, s.delay[world], joint]
+    return s.action[world, joint]
+
+
+@wp.kernel
+def act(s: State, m: Motion):
+    """Clamp the action; move the joint targets by it, or keep the velocities that it asks for where the controller has limits.
+
+    NaN moves nothing and stays as it is, for `finish` to end the episode: a clamp would make it -1. The gripper's motor drives
+    both fingers: where the controller has limits, they follow the mean of their actions.
+    """
+    world = wp.tid()
+    for i in range(s.joints):
+        if not wp.isnan(s.action[world, i]):
+            s.action[world, i] = wp.clamp(s.action[world, i], -1.0, 1.0)
+    if m.delay[1] > 0:
+        for k in range(m.delay[1], -1, -1):
+            for i in range(s.joints):
+                s.past[world, k, i] = s.action[world, i]
+                if k > 0:
+                    s.past[world, k, i] = s.past[world, k - 1, i]
+    for i in range(s.joints):
+        a = _acting(s, m, world, i)
+        if m.limited == 1:
+            if i >= s.arm:
+                a = 0.5 * (_acting(s, m, world, s.arm) + _acting(s, m, world, s.arm + 1))
+            s.asked[world, i] = sense(s, world, i) * wp.where(wp.isnan(a), 0.0, a) * m.velocity[i]
+        elif not wp.isnan(a):
+            target = s.target_q[world, i] + wp.where(i < s.arm, m.step, m.finger_step) * sense(s, world, i) * a
+            s.target_q[world, i] = wp.clamp(target, s.lower[i], s.upper[i])
+
+
+@wp.kernel
+def move_targets(s: State, m: Motion, joint_q: wp.array2d(dtype=float)):
+    """Move the targets for a physics step: velocities change no faster than the limits, and vanish before the joint limits.
+
+    A target also stops a window ahead of its joint, which something may hold, and returns where the joint is pushed back: never
+    faster than the limits, so that it can be ahead by the braking distance more.
+
+    Args:
+        s: the worlds.
+        m: the limits.
+        joint_q: coordinates before the step, shape [world coord].
+    """
+    world = wp.tid()
+    for i in range(s.joints):
+        q, target, a = joint_q[world, i], s.target_q[world, i], m.acceleration[i]
+        above = wp.min(s.upper[i], q + m.window) - target
+        below = target - wp.max(s.lower[i], q - m.window)
+        # From a velocity v the target stops within v^2 / 2a.
+        fastest = wp.sign(above) * wp.sqrt(2.0 * a * wp.abs(above))
+        slowest = -wp.sign(below) * wp.sqrt(2.0 * a * wp.abs(below))
+        asked = wp.clamp(wp.clamp(s.asked[world, i], slowest, fastest), -m.velocity[i], m.velocity[i])
+        now = s.target_qd[world, i]
+        v = now + wp.clamp(asked - now, -a * m.dt, a * m.dt)
+        moved = wp.clamp(target + v * m.dt, s.lower[i], s.upper[i])
+        s.target_qd[world, i] = (moved - target) / m.dt
+        s.target_q[world, i] = moved
+
+
+@wp.kernel
+def accumulate_overflow(now: wp.array(dtype=int), s: State):
+    """Add the overflow bits of a physics step to those of the control step."""
+    world = wp.tid()
+    s.overflow[world] = s.overflow[world] | now[world]
+
+
+@wp.func
+def is_finite(s: State, world: int):
+    """Return whether the action and all coordinates and velocities of a world are finite."""
+    finite = bool(True)
+    for i in range(s.action.shape[1]):
+        finite = finite and wp.isfinite(s.action[world, i])
+    for i in range(s.joint_q.shape[1]):
+        finite = finite and wp.isfinite(s.joint_q[world, i])
+    for i in range(s.joint_qd.shape[1]):
+        finite = finite and wp.isfinite(s.joint_qd[world, i])
+    return finite
+
+
+def reward_kernel(terms: Sequence[wp.Function]) -> wp.Kernel:
+    """Return the kernel that writes each term and their weighted sum; all zero where the state is not finite.
+
+    Args:
+        terms: functions (state, world struct, world) -> float, a column of `State.terms` each.
+    """
+
+    @wp.kernel(module="unique", module_options={"max_unroll": len(terms), "enable_backward": False})
+    def compute_reward(s: State, w: World, weights: wp.array(dtype=float)):
+        world = wp.tid()
+        finite = is_finite(s, world)
+        total = float(0.0)
+        for i in range(wp.static(len(terms))):
+            value = wp.static(terms[i])(s, w, world)
+            s.terms[world, i] = wp.where(finite, value, 0.0)
+            total += weights[i] * value
+        s.reward[world] = wp.where(finite, total, 0.0)
+
+    return compute_reward
+
+
+def result_kernel(terms: Sequence[wp.Function]) -> wp.Kernel:
+    """Return the kernel that writes each result of the worlds whose episode ended, a column of `State.result` each."""
+
+    @wp.kernel(module="unique", module_options={"max_unroll": len(terms), "enable_backward": False})
+    def write_result(s: State, w: World):
+        world = wp.tid()
+        if s.done[world] == 1:
+            for i in range(wp.static(len(terms))):
+                s.result[world, i] = wp.static(terms[i])(s, w, world)
+
+    return write_result
+
+
+def observation_kernel(
+    numbers: Sequence[tuple[wp.Function, int]],
+    vectors: Sequence[tuple[wp.Function, int]],
+    of_joints: Sequence[tuple[wp.Function, int]],
+) -> wp.Kernel:
+    """Return the kernel (state, world struct, out, limit) that writes terms with their first columns into out [world column].
+
+    Where the limit is positive, every number is clamped to +- it.
+
+    Args:
+        numbers: terms (state, world struct, world) -> float.
+        vectors: terms that return a wp.vec3.
+        of_joints: terms (state, world struct, world, joint) -> float, a column a joint.
+    """
+    most = max(1, len(numbers), len(vectors), len(of_joints))
+
+    @wp.kernel(module="unique", module_options={"max_unroll": most, "enable_backward": False})
+    def observe(s: State, w: World, out: wp.array2d(dtype=float), limit: float):
+        world = wp.tid()
+        for i in range(wp.static(len(of_joints))):
+            for joint in range(s.joints):
+                value = wp.static(of_joints[i][0])(s, w, world, joint)
+                out[world, wp.static(of_joints[i][1]) + joint] = clamped(value, limit)
+        for i in range(wp.static(len(vectors))):
+            vector = wp.static(vectors[i][0])(s, w, world)
+            out[world, wp.static(vectors[i][1])] = clamped(vector[0], limit)
+            out[world, wp.static(vectors[i][1]) + 1] = clamped(vector[1], limit)
+            out[world, wp.static(vectors[i][1]) + 2] = clamped(vector[2], limit)
+        for i in range(wp.static(len(numbers))):
+            number = wp.static(numbers[i][0])(s, w, world)
+            out[world, wp.static(numbers[i][1])] = clamped(number, limit)
+
+    return observe
+
+
+@wp.func
+def clamped(value: float, limit: float):
+    """Return a value clamped to +- a limit; as it is where the limit is 0."""
+    if limit > 0.0:
+        return wp.clamp(value, -limit, limit)
+    return value
+
+
+@wp.kernel
+def finish(s: State, episode_steps: int):
+    """Count the step, and find the worlds whose episode ends: by the task, by its length, or because physics failed."""
+    world = wp.tid()
+    if (s.overflow[world] & ROW_BITS) != 0:
+        s.dropped[world, 0] = 1
+    if (s.overflow[world] & CONTACT_BITS) != 0:
+        s.dropped[world, 1] = 1
+    s.overflow[world] = 0
+    s.step[world] += 1
+    finite = is_finite(s, world)
+    sound = finite and s.dropped[world, 0] == 0
+    ended = (not sound) or s.terminated[world] == 1
+    late = s.step[world] >= episode_steps - 1  # as in the reference: an episode lasts one step less than its length
+    s.done[world] = wp.where(ended or late, 1, 0)
+    s.time_out[world] = wp.where(late and not ended, 1, 0)
+    s.result[world, s.errors + Error.invalid] = wp.where(finite, 0.0, 1.0)
+    s.result[world, s.errors + Error.row_overflow] = float(s.dropped[world, 0])
+    s.result[world, s.errors + Error.contact_overflow] = float(s.dropped[world, 1])
+
+
+@wp.kernel
+def count(s: State):
+    """Add finished episodes to the counts; of an uncounted one nothing but the errors."""
+    world = wp.tid()
+    if s.done[world] == 1:
+        counted = s.uncounted[world] == 0
+        if counted:
+            wp.atomic_add(s.counts, 0, 1.0)
+        for i in range(s.result.shape[1]):
+            if counted or i >= s.errors:
+                wp.atomic_add(s.counts, i + 1, s.result[world, i])
+        s.uncounted[world] = 0

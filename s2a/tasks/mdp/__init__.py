@@ -1,0 +1,1 @@
+"""Shared parts of decision processes: the World struct; rewards, observations and metrics as functions of it."""

@@ -1,0 +1,277 @@
+"""Observation terms of all tasks: Warp functions of (State, World, world), one number or one vector each.
+
+A term that takes a joint, too, gives a number a joint. `observation_kernel` writes them side by side in the order of their names.
+"""
+
+# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
+import warp as wp
+
+from s2a.tasks.mdp.grasp import frames, is_grasped, tool_point
+from s2a.tasks.mdp.seen import seen_part
+from s2a.tasks.mdp.world import Grasped, World
+from s2a.tasks.state import State, finger_position, sense
+
+FINE_LENGTH = wp.constant(0.02)
+"""[m] Observed as 1 by `fine_point`; from FINE_LIMIT of it on it tells the direction alone."""
+FINE_LIMIT = wp.constant(2.5)
+FORCE = wp.constant(0.05)
+"""[1/N] Scale of the fingers' forces for a critic."""
+
+
+@wp.func
+def joint_positions(s: State, w: World, world: int, joint: int) -> float:
+    """Joint position, scaled to its range; that of a finger that holds by opening is mirrored (`State.internal`)."""
+    position = finger_position(s, world, joint, s.joint_q[world, joint])
+    return 2.0 * (position - s.lower[joint]) / (s.upper[joint] - s.lower[joint]) - 1.0
+
+
+@wp.func
+def joint_velocities(s: State, w: World, world: int, joint: int) -> float:
+    """Joint velocity, scaled; mirrored likewise."""
+    return sense(s, world, joint) * w.number.velocity_scale * s.joint_qd[world, joint]
+
+
+@wp.func
+def target_lead(s: State, w: World, world: int, joint: int) -> float:
+    """Ten times how far the joint's target is ahead of it [rad, m]."""
+    return 10.0 * sense(s, world, joint) * (s.target_q[world, joint] - s.joint_q[world, joint])
+
+
+@wp.func
+def target_velocities(s: State, w: World, world: int, joint: int) -> float:
+    """Velocity of the joint's target, scaled as the joint's."""
+    return w.number.velocity_scale * sense(s, world, joint) * s.target_qd[world, joint]
+
+
+@wp.func
+def to_grasp(s: State, w: World, world: int) -> wp.vec3:
+    """Vector from the tool to the seen grasp in the robot's base frame [m]."""
+    f, d = frames(s, w, world), seen_part(s, w, world)
+    between = wp.transform_get_translation(d.grasp) - wp.transform_get_translation(f.tool)
+    return wp.quat_rotate_inv(w.target[world].base, between)
+
+
+@wp.func
+def coordinate(s: State, w: World, world: int) -> float:
+    """The part's coordinate [m or rad]."""
+    d = seen_part(s, w, world)
+    return d.coordinate
+
+
+@wp.func
+def velocity(s: State, w: World, world: int) -> float:
+    """The part's velocity [m/s or rad/s]."""
+    d = seen_part(s, w, world)
+    return d.velocity
+
+
+@wp.func
+def seen_grasp(s: State, w: World, world: int):
+    """Return the seen grasp in the tool frame."""
+    f, d = frames(s, w, world), seen_part(s, w, world)
+    return wp.transform_inverse(f.tool) * d.grasp
+
+
+@wp.func
+def grasp_point(s: State, w: World, world: int) -> wp.vec3:
+    """Point of the seen grasp in the tool frame [m]."""
+    return wp.transform_get_translation(seen_grasp(s, w, world))
+
+
+@wp.func
+def grasp_y(s: State, w: World, world: int) -> wp.vec3:
+    """Its y."""
+    return wp.transform_vector(seen_grasp(s, w, world), wp.vec3(0.0, 1.0, 0.0))
+
+
+@wp.func
+def grasp_z(s: State, w: World, world: int) -> wp.vec3:
+    """Its z."""
+    return wp.transform_vector(seen_grasp(s, w, world), wp.vec3(0.0, 0.0, 1.0))
+
+
+@wp.func
+def joint_axis(s: State, w: World, world: int) -> wp.vec3:
+    """Axis of the part's joint in the robot's base frame, positive opens."""
+    d = seen_part(s, w, world)
+    return wp.quat_rotate_inv(w.target[world].base, d.axis)
+
+
+@wp.func
+def opening_direction(s: State, w: World, world: int) -> wp.vec3:
+    """Direction in which the grasp point moves when the part opens, in the robot's base frame."""
+    d = seen_part(s, w, world)
+    return wp.quat_rotate_inv(w.target[world].base, d.along)
+
+
+@wp.func
+def grasp_size(s: State, w: World, world: int) -> wp.vec3:
+    """Extents of the grasp region [m]."""
+    d = seen_part(s, w, world)
+    return d.size
+
+
+@wp.func
+def joint_kind(s: State, w: World, world: int) -> wp.vec3:
+    """1 for a slide, else 0; a hinge's lever arm, 0 for a slide [m]; travel [m]."""
+    d = seen_part(s, w, world)
+    return wp.vec3(d.slides, d.lever_arm, d.travel)
+
+
+@wp.func
+def opening(s: State, w: World, world: int) -> float:
+    """Opening of the part [m]."""
+    d = seen_part(s, w, world)
+    return d.opening
+
+
+@wp.func
+def fine_point(s: State, w: World, world: int) -> wp.vec3:
+    """Point of the seen grasp in the tool frame [FINE_LENGTH], at most FINE_LIMIT.
+
+    Among distances of half a metre a network hardly sees that the fingers are still a centimetre outside of a pocket.
+    """
+    point = grasp_point(s, w, world) / FINE_LENGTH
+    return wp.vec3(
+        wp.clamp(point[0], -FINE_LIMIT, FINE_LIMIT),
+        wp.clamp(point[1], -FINE_LIMIT, FINE_LIMIT),
+        wp.clamp(point[2], -FINE_LIMIT, FINE_LIMIT),
+    )
+
+
+@wp.func
+def holds_from_within(s: State, w: World, world: int) -> float:
+    """1 where the gripper holds the part from within, by opening."""
+    return float(s.internal[world])
+
+
+@wp.func
+def true_grasp(s: State, w: World, world: int):
+    """Return the true grasp in the tool frame."""
+    f = frames(s, w, world)
+    return wp.transform_inverse(f.tool) * f.grasp
+
+
+@wp.func
+def true_point(s: State, w: World, world: int) -> wp.vec3:
+    """Point of the true grasp in the tool frame [m]."""
+    point, limit = wp.transform_get_translation(true_grasp(s, w, world)), w.number.observation_limit
+    return wp.vec3(
+        wp.clamp(point[0], -limit, limit), wp.clamp(point[1], -limit, limit), wp.clamp(point[2], -limit, limit)
+    )
+
+
+@wp.func
+def true_y(s: State, w: World, world: int) -> wp.vec3:
+    """Its y."""
+    return wp.transform_vector(true_grasp(s, w, world), wp.vec3(0.0, 1.0, 0.0))
+
+
+@wp.func
+def true_z(s: State, w: World, world: int) -> wp.vec3:
+    """Its z."""
+    return wp.transform_vector(true_grasp(s, w, world), wp.vec3(0.0, 0.0, 1.0))
+
+
+@wp.func
+def left_force(s: State, w: World, world: int) -> float:
+    """Force of the left finger on the region, scaled."""
+    return wp.min(FORCE * w.contacts.on_region[world, 0], w.number.observation_limit)
+
+
+@wp.func
+def right_force(s: State, w: World, world: int) -> float:
+    """Force of the right finger on the region, scaled."""
+    return wp.min(FORCE * w.contacts.on_region[world, 1], w.number.observation_limit)
+
+
+@wp.func
+def grasped(s: State, w: World, world: int) -> float:
+    """1 where the part is grasped."""
+    return wp.where(is_grasped(w, w.number.contact_force, 1.0, world), 1.0, 0.0)
+
+
+@wp.func
+def resistance(s: State, w: World, world: int) -> wp.vec3:
+    """The joint's dry friction and damping, and the logarithm of the part's mass."""
+    return w.resistance[world]
+
+
+@wp.func
+def action_delay(s: State, w: World, world: int) -> float:
+    """Control steps by which actions come late."""
+    return float(s.delay[world])
+
+
+@wp.func
+def grasped_opening(s: State, w: World, world: int) -> float:
+    """How much of the opening was gained in a grasp, in second bonus openings.
+
+    It and the next are rewarded in every step that follows: a critic that does not know them credits a grasp for twenty steps.
+    """
+    return w.grasped[world, Grasped.opening] / (w.scale[world] * w.number.bonus[1])
+
+
+@wp.func
+def grasped_path(s: State, w: World, world: int) -> float:
+    """How much of the path between the bonus openings was gained in a grasp, in second bonus openings."""
+    return w.grasped[world, Grasped.path] / (w.scale[world] * w.number.bonus[1])
+
+
+@wp.func
+def to_object(s: State, w: World, world: int) -> wp.vec3:
+    """Vector from the tool to the object in the robot's base frame [m]."""
+    between = wp.transform_get_translation(s.body_q[world, w.body]) - tool_point(s, w, world)
+    return wp.quat_rotate_inv(w.target[world].base, between)
+
+
+@wp.func
+def to_place(s: State, w: World, world: int) -> wp.vec3:
+    """Vector from the object to its place, a container at zero, in the robot's base frame [m]."""
+    at = wp.transform_get_translation(s.body_q[world, w.body])
+    return wp.quat_rotate_inv(w.target[world].base, wp.transform_get_translation(w.place.goal) - at)
+
+
+@wp.func
+def object_x(s: State, w: World, world: int) -> wp.vec3:
+    """The object's x axis in the robot's base frame."""
+    turn = wp.transform_get_rotation(s.body_q[world, w.body])
+    return wp.quat_rotate_inv(w.target[world].base, wp.quat_rotate(turn, wp.vec3(1.0, 0.0, 0.0)))
+
+
+@wp.func
+def object_y(s: State, w: World, world: int) -> wp.vec3:
+    """Its y axis."""
+    turn = wp.transform_get_rotation(s.body_q[world, w.body])
+    return wp.quat_rotate_inv(w.target[world].base, wp.quat_rotate(turn, wp.vec3(0.0, 1.0, 0.0)))
+
+
+@wp.func
+def turn_to_place(s: State, w: World, world: int) -> wp.vec3:
+    """Rotation vector from the object's orientation to the planned one, in the robot's base frame [rad]."""
+    turn = wp.transform_get_rotation(s.body_q[world, w.body])
+    between = wp.transform_get_rotation(w.place.goal) * wp.quat_inverse(turn)
+    side = wp.where(between[3] < 0.0, -2.0, 2.0)
+    return wp.quat_rotate_inv(w.target[world].base, side * wp.vec3(between[0], between[1], between[2]))
+
+
+@wp.func
+def container_coordinate(s: State, w: World, world: int) -> float:
+    """Coordinate of the part into which the object is put [m or rad]."""
+    return s.joint_q[world, w.place.coord]
+
+
+JOINTS = (joint_positions, joint_velocities)
+PART = (*JOINTS, to_grasp, coordinate, velocity)
+"""The reference's observation."""
+DESCRIPTION = (
+    target_lead, target_velocities, grasp_point, grasp_y, grasp_z, joint_axis, opening_direction, grasp_size, joint_kind,
+    opening,
+)  # fmt: skip
+"""For a policy of many parts: what tells one from another."""
+FINE = (fine_point, holds_from_within)
+PRIVILEGED = (true_point, true_y, true_z, left_force, right_force, grasped, resistance, action_delay)
+"""For a critic: what no sensor tells."""
+OF_PART = {"": PART, "describe_part": DESCRIPTION, "fine_grasp": FINE}
+"""All that a policy observes of a part, by the setting that turns it on."""
+OBJECT = (*JOINTS, to_object, to_place, object_x, object_y, turn_to_place)

@@ -1,0 +1,342 @@
+"""A soft body to pick up and place: its trials, the plan for the rigid body of its shape, and their simulation."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
+
+from s2a.core.errors import InputError
+from s2a.motion.correction import Correction, lead_held
+from s2a.motion.gripper import FIRM, HANGING, gripper_boxes
+from s2a.motion.obstacles import Obstacles
+from s2a.motion.pick import trajectory_of
+from s2a.motion.pick_plan import PickPlan, PickTask, plan_pick
+from s2a.motion.places import NEAR, first_planned, place_poses
+from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import Trajectory, eased
+from s2a.motion.workcell import Workcell
+from s2a.robot.spec import GripperSpec, RobotSpec
+from s2a.robot.tool_path import matrix
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import Collider, Mass, SimBody, SimRoom, in_scene
+from s2a.sim.limit_use import Limits
+from s2a.sim.soft import RATE, SoftSimulation
+from s2a.sim.soft_body import SoftBody
+from s2a.sim.soft_config import SoftConfig
+from s2a.tasks.pick_place import PickPlaceConfig
+from s2a.tasks.soft_metrics import SoftEpisode, SoftMetrics, outcome
+
+SoftTask, SOFT_TASK = PickPlaceConfig, "pick_place"
+"""Settings and name of the task that is done with a soft body."""
+NAME = "teddy_bear"
+GAP = 0.003
+"""[m] Between the body and its support where it is put down: a millimetre more than its vertices' radius."""
+EVEN = 0.02
+"""[m] Up to which a support's height may differ below a soft body."""
+NEAR_BODY = 0.10
+"""[m] From what the body passes, up to which hulls of the room are simulated."""
+
+
+def with_body(room: SimRoom, body: SoftBody, config: SoftConfig, pose: np.ndarray) -> SimRoom:
+    """Return a room with a soft body as a rigid free object at a pose, 7-vector."""
+    colliders = tuple(Collider(NAME, box) for box in body.boxes)
+    mass = Mass(config.density * body.volume, (0.0, 0.0, 0.0), body.inertia(config.density), source="density")
+    position, orientation = tuple(map(float, pose[:3])), tuple(map(float, pose[3:]))
+    free = SimBody(NAME, body.surface, colliders, mass, position=position, orientation=orientation)  # type: ignore[arg-type]
+    return replace(room, free={**room.free, NAME: free})
+
+
+def standing(near: Obstacles, support: str, body: SoftBody, at: np.ndarray, yaw: float) -> np.ndarray:
+    """Return the pose, 7-vector, of a body that stands on a support at x, y [2], turned by `yaw` about z [rad].
+
+    Raises:
+        InputError: there is no support below all of it, or its height differs by more than EVEN.
+    """
+    turn = Rotation.from_euler("z", yaw)
+    low = body.vertices[:, 2].min()
+    feet = turn.apply(body.vertices[body.vertices[:, 2] < low + 1e-6])[:, :2] + at
+    bounds = np.concatenate([h.vertices for h in near.hulls_of(support)] or [np.zeros((0, 3))])
+    if not len(bounds):
+        known = ", ".join(dict.fromkeys(near.names))
+        raise InputError(f"{support!r} supports nothing near ({at[0]:.2f}, {at[1]:.2f}); near are: {known}")
+    height, names = near.below(np.c_[feet, np.full(len(feet), bounds[:, 2].max() + 0.2)])
+    if set(names) != {support} or np.ptp(height) > EVEN:
+        found = ", ".join(sorted(set(names)))
+        raise InputError(
+            f"at ({at[0]:.2f}, {at[1]:.2f}) a body of {1000 * np.ptp(body.vertices[:, 0]):.0f} mm stands on {found}, "
+            f"{1000 * np.ptp(height):.0f} mm uneven; choose a place in the middle of {support!r}"
+        )
+    return np.array([*at, height.max() + GAP - low, *turn.as_quat()])
+
+
+def hulls_near(room: SimRoom, body: SoftBody, ends: list[np.ndarray]) -> list[Mesh]:
+    """Return the hulls of a room within NEAR_BODY of a body that stands at poses, 7-vectors; of free objects too."""
+    every = [c.mesh for c in room.static_colliders]
+    for each in (*room.bodies.values(), *(b for i, b in room.free.items() if i != NAME)):
+        every += [Mesh(in_scene(each, c.mesh), c.mesh.faces) for c in each.colliders]
+    points = [body.vertices @ m[:3, :3].T + m[:3, 3] for m in map(matrix, ends)]
+    boxes = [(p.min(axis=0) - NEAR_BODY, p.max(axis=0) + NEAR_BODY) for p in points]
+    return [h for h in every if any(_overlap(h, low, high) for low, high in boxes)]
+
+
+def _overlap(hull: Mesh, low: np.ndarray, high: np.ndarray) -> bool:
+    points = np.asarray(hull.vertices)
+    return bool((points.min(axis=0) <= high).all() and (points.max(axis=0) >= low).all())
+
+
+DRAWS = 20
+"""Of a pose, until the body stands at it."""
+Ends = tuple[np.ndarray, np.ndarray]
+
+
+def trials(
+    room: SimRoom,
+    body: SoftBody,
+    config: SoftConfig,
+    task: PickPlaceConfig,
+    robot: RobotSpec,
+    approach: float,
+    count: int,
+    seed: int,
+) -> Iterator[SoftTrial | str]:
+    """Yield trials, each planned for itself, or why there is no plan for one.
+
+    In each, start and place are shifted by up to `task.start_shift` along x and y and turned by up to `task.start_turn`.
+
+    Raises:
+        InputError: a start or a place that is missing or where the body does not stand.
+    """
+    candidates = _candidates(room, body, config, task)
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        try:
+            drawn = ((_drawn(room, body, a, task, rng), _drawn(room, body, b, task, rng)) for a, b in candidates)
+            _, trial = first_planned(
+                with_body(room, body, config, candidates[0][0]),
+                NAME,
+                robot,
+                drawn,
+                lambda ends: plan_trial(room, body, config, robot, ends, approach, number),  # noqa: B023 - it is called at once
+            )
+            yield trial
+        except InputError as error:
+            yield str(error)
+
+
+def _candidates(room: SimRoom, body: SoftBody, config: SoftConfig, task: PickPlaceConfig) -> list[Ends]:
+    """Return starts and places of the body's frame, 7-vectors, those to be tried first first."""
+    start, place = task.start, task.place
+    if start is None or place is None or start == place or any(each.endswith(".json") for each in (start, place)):
+        raise InputError(
+            f"task.start={start} and task.place={place}: with physics=soft the body stands nowhere in the room; give the id "
+            "of a support or a pose for each, two different ones"
+        )
+    known = [each for each in (start, place) if each != NEAR]
+    about = {each: _about(room, each) for each in known}
+    with_it = with_body(room, body, config, about[known[0]])
+    goal = next(place_poses(with_it, NAME, place, about[known[0]], EVEN))
+    return [(each, goal) for each in place_poses(with_it, NAME, start, goal, EVEN)]
+
+
+def _about(room: SimRoom, said: str) -> np.ndarray:
+    """Return a pose, 7-vector, on the middle of a support, or the one that is said."""
+    try:
+        return np.array([*(float(x) for x in said.replace(",", " ").split()[:3]), 0.0, 0.0, 0.0, 1.0])
+    except ValueError:
+        pass
+    points = [np.asarray(c.mesh.vertices) for c in room.static_colliders if c.part == said]
+    for each in (*room.bodies.values(), *room.free.values()):
+        points += [in_scene(each, c.mesh) for c in each.colliders if c.part == said]
+    if not points:
+        raise InputError(f"{said!r} is neither a pose nor a part of room {room.name!r} that supports anything")
+    low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
+    return np.array([*(low + high)[:2] / 2, high[2], 0.0, 0.0, 0.0, 1.0])
+
+
+def _drawn(
+    room: SimRoom, body: SoftBody, pose: np.ndarray, task: PickPlaceConfig, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the first pose that is drawn about one, 7-vectors, at which all of the body is on the same support."""
+    near = Obstacles.of_room(room, set(), pose[:3])
+    support, yaw = near.below(pose[None, :3])[1][0], Rotation.from_quat(pose[3:]).as_euler("zyx")[0]
+    for left in reversed(range(DRAWS)):
+        at = pose[:2] + rng.uniform(-1.0, 1.0, 2) * task.start_shift
+        try:
+            return standing(near, support, body, at, yaw + rng.uniform(-1.0, 1.0) * task.start_turn)
+        except InputError:
+            if not left:
+                raise
+    raise AssertionError("the last draw returns or raises")
+
+
+AFTER = 1.5
+"""[s] That an episode goes on after the arm's motion: half a second to come to rest, and one at rest."""
+Watch = Callable[[int, SoftSimulation], None]
+
+
+@dataclass(frozen=True)
+class SoftTrial:
+    """A soft body to be picked and placed.
+
+    Attributes:
+        room: without it.
+        body: at rest.
+        config: how it is simulated.
+        robot: what picks it.
+        start: pose of its frame, 7-vector, scene frame.
+        goal: likewise.
+        plan: how.
+    """
+
+    room: SimRoom
+    body: SoftBody
+    config: SoftConfig
+    robot: RobotSpec
+    start: np.ndarray
+    goal: np.ndarray
+    plan: PickPlan
+
+
+def plan_trial(
+    room: SimRoom,
+    body: SoftBody,
+    config: SoftConfig,
+    robot: RobotSpec,
+    ends: tuple[np.ndarray, np.ndarray],
+    approach: float,
+    seed: int = 0,
+) -> SoftTrial:
+    """Plan as for a rigid body of the same shape, from start to goal (7-vectors); Unreachable where there is no plan.
+
+    The gripper comes straight to it from a distance `approach` [m].
+    """
+    task = PickTask(with_body(room, body, config, ends[0]), NAME, *ends, approach)
+    plan = plan_pick(task, robot, seed, contacts=(*HANGING, FIRM))
+    return SoftTrial(room, body, config, robot, *ends, plan)
+
+
+def trajectory(trial: SoftTrial, config: PlannerConfig) -> Trajectory:
+    """Return the joint targets of a trial."""
+    return trajectory_of(trial.plan, config, trial.robot, trial.robot.limits, RATE)
+
+
+def run_trial(
+    trial: SoftTrial,
+    planner: PlannerConfig,
+    metrics: SoftMetrics,
+    seed: int | Sequence[int],
+    device: str = "cpu",
+    watch: Watch | None = None,
+) -> dict[str, Any]:
+    """Simulate a trial from a noisy start of the arm; return its outcome.
+
+    That is the columns of `soft_metrics`, the seconds that it took, and as `limit_use` the largest fraction of each limit of the
+    robot, as `s2a.sim.limit_use` has them.
+
+    Args:
+        trial: what is done.
+        planner: times of the motion, and the noise.
+        metrics: the thresholds.
+        seed: of the noise.
+        device: of Warp.
+        watch: is called after every control step, with its number.
+    """
+    plan, robot = trial.plan, trial.robot
+    first = np.array(robot.start)
+    arm = len(robot.arm_joints)
+    first[:arm] += np.random.default_rng(seed).uniform(-1.0, 1.0, arm) * planner.start_noise
+    begun = time.perf_counter()
+    hulls = hulls_near(trial.room, trial.body, [trial.start, trial.goal])
+    sim = SoftSimulation(trial.body, trial.start, robot, plan.base, first, hulls, trial.config, device)
+    built = time.perf_counter()
+    planned = trajectory(trial, planner)
+    targets, (held,) = _targets(first, planned), [each for each in planned.anchors if each.to == "held"]
+    slip, world = Correction(sim, [planned], [held]), torch.tensor([True])
+    center, forces, joints, gap, torques = [], [], [], [], []
+    for step, target in enumerate(targets):
+        index = torch.tensor([max(0, step - planned.reach_steps)])
+        if int(index) == held.begin:
+            lead_held(slip, world, (np.linalg.inv(_tool_frame(sim.tool, robot)) @ sim.pose)[None])
+        target[:arm] += slip(index)[0].cpu().numpy()
+        sim.step(target)
+        q, particles = sim.joints, sim.particles
+        center.append(sim.center)
+        forces.append(sim.finger_forces)
+        joints.append(q)
+        torques.append(sim.torques)
+        gap.append(gripper_gap(particles, _tool_frame(sim.tool, robot), q[arm:], robot.gripper))
+        if watch is not None:
+            watch(step, sim)
+    ended = time.perf_counter()
+    depth = _arm_depth(trial, np.array(joints))
+    episode = SoftEpisode(np.array(center), np.array(forces), np.array(gap), depth, RATE)
+    found = outcome(episode, trial.goal[:3], metrics)
+    seconds = {"simulated": len(targets) / RATE, "built_in": built - begun, "stepped_in": ended - built}
+    used = _limit_use(robot, first, targets, np.array(joints), np.array(torques))
+    return found | {name: round(value, 3) for name, value in seconds.items()} | {"limit_use": used}
+
+
+def _targets(first: np.ndarray, planned: Trajectory) -> np.ndarray:
+    """Return joint targets [step joint]: from where the robot begins to the trajectory, along it, and AFTER it."""
+    ahead = eased(np.arange(1, planned.reach_steps + 1) / planned.reach_steps)[:, None]
+    reach = first + ahead * (planned.targets[0] - first)
+    still = np.repeat(planned.targets[-1:], math.ceil(AFTER * RATE), axis=0)
+    return np.concatenate([reach, planned.targets, still])
+
+
+def _limit_use(
+    robot: RobotSpec, first: np.ndarray, targets: np.ndarray, joints: np.ndarray, torques: np.ndarray
+) -> dict[str, float]:
+    """Return the largest fraction of each limit, of targets and joints [step joint] and torques [step arm].
+
+    Before the first step the robot stands at `first`, shape [joint].
+    """
+
+    def change(values: np.ndarray, before: np.ndarray) -> np.ndarray:
+        return np.diff(values, axis=0, prepend=before[None]) * RATE
+
+    command, speed, rest = change(targets, first), change(joints, first), np.zeros_like(first)
+    rows = (command, change(command, rest), joints, speed, change(speed, rest), torques)
+    used = Limits(robot, "cpu").fractions(*(torch.tensor(each, dtype=torch.float32) for each in rows))
+    return {name: float(fraction.abs().max()) for name, fraction in used.items()}
+
+
+def _tool_frame(body: np.ndarray, robot: RobotSpec) -> np.ndarray:
+    """Return the pose of the tool frame [4 4], given that of the gripper body, 7-vector."""
+    pose = matrix(body)
+    pose[:3, 3] += pose[:3, :3] @ np.array(robot.tool_offset)
+    return pose
+
+
+def gripper_gap(points: np.ndarray, tool: np.ndarray, fingers: np.ndarray, gripper: GripperSpec) -> float:
+    """Return the least distance of points [point 3] from the boxes of fingers and gripper body [m], 0 within.
+
+    Args:
+        points: scene frame.
+        tool: pose of the tool frame [4 4].
+        fingers: joints of the left and the right finger [m], shape [2].
+        gripper: which.
+    """
+    local = (points - tool[:3, 3]) @ tool[:3, :3]
+    shifts = [fingers[0] - gripper.finger_joint_open, gripper.finger_joint_open - fingers[1], 0.0]
+    least = np.inf
+    for (low, high), shift in zip(gripper_boxes(gripper), shifts, strict=True):
+        moved = local - [0.0, shift, 0.0]
+        least = min(least, float(np.linalg.norm(moved - np.clip(moved, low, high), axis=1).min()))
+    return least
+
+
+def _arm_depth(trial: SoftTrial, joints: np.ndarray) -> np.ndarray:
+    """Return how deep the arm reached into the room's hulls at joints [step joint] that it moved through [m], shape [step]."""
+    near = Obstacles.of_room(trial.room, set(), (trial.start[:3] + trial.goal[:3]) / 2)
+    cell, arm = Workcell(trial.robot, near), len(trial.robot.arm_joints)
+    base, pads = matrix(trial.plan.base), joints[:, arm:].sum(axis=1)
+    each = [cell.arm_depth(q[None], base, opened=float(wide)) for q, wide in zip(joints[:, :arm], pads, strict=True)]
+    return np.concatenate(each)

@@ -1,0 +1,168 @@
+"""Where a robot stands to move a part, and how its arm comes to the handle around what is in the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cabinet import HANDLE, box, write_cabinet
+from settings import load
+
+from s2a import robot
+from s2a.motion.open import joint_paths, most_clear, opening_path, plan, plan_letting_go, reach_around, room_around
+from s2a.motion.part_base import with_base
+from s2a.motion.search import Unreachable
+from s2a.motion.settings import PlannerConfig
+from s2a.motion.workcell import Workcell
+from s2a.robot.collision import robot_shape
+from s2a.robot.kinematics import kinematics
+from s2a.robot.tool_path import ToolPath, follow, matrices, matrix
+from s2a.scene.articulation import displace
+from s2a.scene.geometry import convex
+from s2a.scene.usd.sim_scene import Collider
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.world import SimStage, read_stage
+
+PANDA = robot.load("panda")
+
+
+def settings() -> PlannerConfig:
+    return load(PlannerConfig, "planner/default")
+
+
+def exact() -> PlannerConfig:
+    """Return settings of episodes that start at home."""
+    return replace(settings(), start_noise=0.0)
+
+
+def path_of(stage: SimStage) -> ToolPath:
+    return opening_path(stage, settings())
+
+
+def test_a_prepared_base_that_serves_is_kept(tmp_path: Path) -> None:
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    found = with_base(stage, path_of(stage), PANDA, 0.125)
+    np.testing.assert_allclose(found.base[:3], stage.base[:3], atol=1e-6)
+    assert found.pedestal[0] == stage.pedestal[0]
+
+
+def test_where_the_prepared_base_does_not_reach_another_one_is_found(tmp_path: Path) -> None:
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda", base=(HANDLE[0] + 1.5, 0.0, 0.0)))
+    path = path_of(stage)
+    kin = kinematics(PANDA)
+    (paths,) = follow(kin, path.poses, matrices(stage.base[None]), 12)
+    assert not len(paths)
+    found = with_base(stage, path, PANDA, 0.125)
+    (paths,) = follow(kin, path.poses, matrices(found.base[None]), 12)
+    assert len(paths)
+    # The drawer comes out by 0.3 m: the robot does not stand where it comes.
+    assert found.base[0] > HANDLE[0] + 0.3 or abs(found.base[1]) > 0.3
+
+
+def test_a_prepared_base_into_which_the_part_moves_is_not_kept(tmp_path: Path) -> None:
+    """A robot that was placed for a shorter way stood where a door came, and stopped it."""
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    body = stage.room.bodies[stage.target]
+    rider = convex.box(stage.base[:3] + [-0.3, 0.0, 0.1], np.eye(3), np.array([0.05, 0.05, 0.05]))
+    wide = replace(body, colliders=(*body.colliders, Collider(stage.target, rider)))
+    room = replace(stage.room, bodies={**stage.room.bodies, stage.target: wide})
+    found = with_base(replace(stage, room=room), path_of(stage), PANDA, 0.125)
+    assert np.linalg.norm(found.base[:3] - stage.base[:3]) > 0.1
+
+
+def test_what_no_base_reaches_is_said_with_its_segment(tmp_path: Path) -> None:
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    path = path_of(stage)
+    high = replace(path, poses=path.poses + [[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1.9], [0, 0, 0, 0]])
+    with pytest.raises(Unreachable, match="cannot be moved so far: handle: the arm cannot reach"):
+        with_base(stage, high, PANDA, 0.125)
+
+
+@pytest.fixture
+def blocked(tmp_path: Path) -> tuple[SimStage, np.ndarray]:
+    """A stage with a post on the straight line from home to the point of approach, and the joints there [arm]."""
+    plain = read_stage(write_cabinet(tmp_path / "plain.usda"))
+    kin = kinematics(PANDA)
+    first = joint_paths(kin, plain, path_of(plain), settings())[0][0]
+    assert reach_around(plain, PANDA, first, 0.0, exact()) is None, "the straight line is free"
+    halfway = (np.array(PANDA.home) + first) / 2
+    place = matrices(plain.base[None])[0] @ kin.tool(halfway[None])[0]
+    post = box(tuple(place[:3, 3]), (0.03, 0.03, 0.03))
+    return read_stage(write_cabinet(tmp_path / "blocked.usda", beside=[post])), first
+
+
+def test_the_arm_reaches_around_what_is_in_the_way(blocked: tuple[SimStage, np.ndarray]) -> None:
+    stage, first = blocked
+    path = reach_around(stage, PANDA, first, 0.0, exact())
+    assert path is not None
+    np.testing.assert_allclose(path[[0, -1]], [PANDA.home, first], atol=1e-9)
+    cell = Workcell(PANDA, room_around(stage, 0.0))
+    depth = cell.empty(matrix(stage.base))
+    assert not cell.is_free(depth, np.linspace(PANDA.home, first, 20)).all()
+    # An arm that lags behind it cuts its corners; 25 mm the point of approach itself does not keep from the front.
+    assert cell.is_free(depth, path, 0.01).all()
+
+
+def test_a_motion_around_begins_at_home_and_goes_on_without_a_jump(tmp_path: Path) -> None:
+    """A post stands on the straight line from home to every joint path to the handle."""
+    plain = read_stage(write_cabinet(tmp_path / "plain.usda"))
+    place = matrix(plain.base) @ kinematics(PANDA).tool(np.array([PANDA.home]))[0]
+    towards = path_of(plain).poses[0, :3, 3] - place[:3, 3]
+    post = box(tuple(place[:3, 3] + 0.5 * towards), (0.03, 0.03, 0.03))
+    stage = read_stage(write_cabinet(tmp_path / "blocked.usda", beside=[post]))
+    sim = Simulation(stage, load(SimConfig, "sim/planner"), 1)
+    planned, frequency = plan(sim, settings(), opening_path), sim.config.control_frequency
+    np.testing.assert_allclose(planned.targets[0, :7], PANDA.home)
+    speed = np.abs(np.diff(planned.targets[:, :7], axis=0)).max(axis=0) * frequency
+    assert (speed <= np.array(sim.plan_limits.velocity)).all()
+    assert len(planned.part) == len(planned.targets)
+    assert (planned.targets[: planned.closed - round(frequency), 7] > 0.0).all(), "the fingers stay open on the way"
+    assert (planned.part[: planned.closed] == 0.0).all() and planned.part[-1] == pytest.approx(-0.3)
+
+
+def test_the_arm_takes_a_path_on_which_nothing_is_in_its_way(tmp_path: Path) -> None:
+    plain = read_stage(write_cabinet(tmp_path / "plain.usda"))
+    path, kin = path_of(plain), kinematics(PANDA)
+    paths = joint_paths(kin, plain, path, settings())
+    first = paths[most_clear(plain, PANDA, paths, path)]
+    halfway = (np.array(PANDA.home) + first[0]) / 2
+    place = matrix(plain.base) @ kin.tool(halfway[None])[0]
+    post = box(tuple(place[:3, 3]), (0.03, 0.03, 0.03))
+    blocked = read_stage(write_cabinet(tmp_path / "blocked.usda", beside=[post]))
+    other = paths[most_clear(blocked, PANDA, paths, path)]
+    assert not np.array_equal(first, other)
+    both = np.stack([first, other])
+    assert most_clear(plain, PANDA, both, path) == 0
+    assert [most_clear(blocked, PANDA, each, path) for each in (both, both[::-1])] == [1, 0]
+
+
+def test_the_arm_takes_a_path_on_which_the_part_does_not_move_into_it(tmp_path: Path) -> None:
+    """Of the paths from a base one was clear of a door; another was taken, and the door met the arm's second link."""
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    path, shape = path_of(stage), robot_shape(PANDA)
+    paths = joint_paths(shape.kin, stage, path, settings())
+    ends = shape.centers(paths[:, -1])[:, shape.moving & ~shape.held]
+    apart = np.linalg.norm(ends[0][:, None, None] - ends[None], axis=-1).min(axis=2).max(axis=0)
+    other = int(apart.argmax())
+    sphere = np.linalg.norm(ends[0][:, None] - ends[other][None], axis=-1).min(axis=1).argmax()
+    met = matrix(stage.base)[:3] @ [*ends[0, sphere], 1.0]
+    rider = convex.box(displace(met[None], stage.joint, -path.q[-1])[0], np.eye(3), np.full(3, 0.03))
+    body = stage.room.bodies[stage.target]
+    wide = replace(body, colliders=(*body.colliders, Collider(stage.target, rider)))
+    room = replace(stage.room, bodies={**stage.room.bodies, stage.target: wide})
+    both = paths[[0, other]]
+    assert most_clear(stage, PANDA, both, path) == 0
+    assert most_clear(replace(stage, room=room), PANDA, both, path) == 1
+
+
+def test_a_task_that_lets_go_ends_with_open_fingers_off_the_handle(tmp_path: Path) -> None:
+    sim = Simulation(read_stage(write_cabinet(tmp_path / "sim.usda")), load(SimConfig, "sim/planner"), 1)
+    found = plan_letting_go(sim, settings(), opening_path)
+    assert (found.approach, found.retreat) == (pytest.approx(0.1), pytest.approx(0.1))
+    targets, kin = found.demonstration.targets, kinematics(PANDA)
+    assert targets[-1, 7] == pytest.approx(PANDA.gripper.finger_joint_open)
+    end, held = (matrix(sim.stage.base) @ kin.tool(each[None])[0] for each in (targets[-1, :7], found.arm[-1 - 7]))
+    assert np.linalg.norm(end[:3, 3] - held[:3, 3]) == pytest.approx(0.1, abs=0.02)
+    assert np.linalg.norm(np.diff(targets[-40:, :7], axis=0), axis=1).max() < 1e-3, "the arm has come to rest"

@@ -1,0 +1,218 @@
+"""Up directions of captures with known truth: how many are found, asked for, or silently wrong; and the weights of the evidence.
+
+    python tools/bench_upright.py bench captures.json [--rotations 10]
+    python tools/bench_upright.py fit captures.json
+
+captures.json lists meshes and their true up direction in the file's coordinates: {"scans/room.ply": [0, 0, 1], ...}; paths are
+relative to it. No mesh with a truth is part of the repository: ScanNet's and 7-Scenes' terms forbid it, and virtual rooms come
+from `s2a sample virtual=varied`, whose meshes have z up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from s2a.core.errors import InputError
+from s2a.scan import frame, mesh_files, quest_file, upright
+from s2a.scan.habits import habit
+from s2a.scan.source import SourceMesh, Stated
+
+WRONG = 5.0
+"""An up direction farther than this from the truth is wrong [deg]."""
+NEGATIVE = ("hanging", "hanging_deep", "high", "plinths", "shelves")
+"""Evidence against a direction; all other evidence may only speak for it."""
+
+
+@dataclass
+class Count:
+    """Outcomes of one capture.
+
+    Attributes:
+        stored: outcome of the file as it is.
+        right: rotations whose direction was found.
+        asked: rotations for which a key was asked.
+        wrong: rotations with another direction and no question.
+        keyed: of those asked, how many are right with one key.
+    """
+
+    stored: str
+    right: int = 0
+    asked: int = 0
+    wrong: int = 0
+    keyed: int = 0
+
+
+def main() -> None:
+    """Run the bench or the fit."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("mode", choices=["bench", "fit"])
+    parser.add_argument("captures", type=Path)
+    parser.add_argument("--rotations", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    truths = json.loads(options.captures.read_text())
+    meshes = {options.captures.parent / name: np.array(up) / np.linalg.norm(up) for name, up in truths.items()}
+    (bench if options.mode == "bench" else fit)(meshes, options.rotations, options.seed)
+
+
+def bench(meshes: dict[Path, np.ndarray], rotations: int, seed: int) -> None:
+    """Print the outcomes of each capture, as stored and in random rotations that state nothing."""
+    total = Count("")
+    print(f"{'capture':40s} as stored  right asked wrong  with a key  seconds a mesh")
+    for path, truth in meshes.items():
+        source, start = load(path), time.perf_counter()
+        count = Count(outcome(source, truth, source.stated, habit(path)))
+        for turn in turns(rotations, seed):
+            turned = moved(source, turn)
+            result = outcome(turned, turn @ truth, Stated(), None)
+            setattr(count, result, getattr(count, result) + 1)
+            if result == "asked":
+                count.keyed += (
+                    outcome(turned, turn @ truth, Stated(), None, (turn @ truth).round(2).tolist()) == "right"
+                )
+        seconds = (time.perf_counter() - start) / (rotations + 1)
+        print(
+            f"{path.stem[-40:]:40s} {count.stored:9s}  {count.right:5d} {count.asked:5d} {count.wrong:5d}"
+            f"  {count.keyed:3d} of {count.asked:<3d}  {seconds:.2f}",
+            flush=True,
+        )
+        for key in ("right", "asked", "wrong", "keyed"):
+            setattr(total, key, getattr(total, key) + getattr(count, key))
+    print(
+        f"of {rotations * len(meshes)} rotated meshes: {total.right} right, {total.asked} asked, {total.wrong} silently wrong"
+    )
+
+
+def outcome(
+    mesh: SourceMesh, truth: np.ndarray, stated: Stated, habits: Stated | None, up: str | list[float] = "auto"
+) -> str:
+    """Return "right", "asked" or "wrong" for a mesh."""
+    try:
+        result = frame.find(mesh.vertices, mesh.faces, stated, up, "auto", habit=habits)
+    except InputError:
+        return "asked"
+    return "right" if np.degrees(np.arccos(np.clip(np.dot(result.up, truth), -1, 1))) <= WRONG else "wrong"
+
+
+def load(path: Path) -> SourceMesh:
+    """Return the mesh of a capture."""
+    return quest_file.read(path)[0] if quest_file.recognise(path) else mesh_files.read(path)
+
+
+def moved(mesh: SourceMesh, turn: np.ndarray) -> SourceMesh:
+    """Return a mesh turned by a rotation [3 3]."""
+    return SourceMesh(
+        mesh.vertices @ turn.T, mesh.faces, mesh.uv, mesh.colors, mesh.material, mesh.materials, mesh.stated
+    )
+
+
+def turns(count: int, seed: int) -> list[np.ndarray]:
+    """Return random rotations, shape [3 3] each."""
+    quaternions = np.random.default_rng(seed).normal(size=(count, 4))
+    matrices = []
+    for w, x, y, z in quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True):
+        rows = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+        matrices.append(np.array(rows))
+    return matrices
+
+
+def fit(meshes: dict[Path, np.ndarray], rotations: int, seed: int) -> None:
+    """Print the weights under which the true directions of whole captures and of parts of them are likeliest."""
+    names, groups = list(upright.WEIGHTS), []
+    for path, truth in meshes.items():
+        source = load(path)
+        rng = np.random.default_rng([seed, len(source.faces)])
+        for part, turn in zip(PARTS, turns(len(PARTS), int(rng.integers(1 << 30))), strict=True):
+            faces = source.faces[part(source, truth, rng)]
+            if len(faces) < 200:
+                continue
+            found = upright.candidates(source.vertices @ turn.T, faces)
+            angles = [np.degrees(np.arccos(np.clip(one.up @ turn @ truth, -1, 1))) for one in found]
+            if found and min(angles) < WRONG:
+                evidence = np.array([[one.evidence[name] for name in names] for one in found])
+                groups.append((evidence, int(np.argmin(angles))))
+        print(f"{path.stem}: {len(groups)} examples", flush=True)
+    weights = likeliest(groups, np.array([-1 if name in NEGATIVE else 1 for name in names]))
+    print("\n".join(f'    "{name}": {weight:.1f},' for name, weight in zip(names, weights, strict=True)))
+
+
+def likeliest(groups: list[tuple[np.ndarray, int]], sign: np.ndarray, ridge: float = 0.002) -> np.ndarray:
+    """Return the weights [evidence] of a conditional logit model, each of its sign, by Adam on its penalised likelihood.
+
+    Args:
+        groups: evidence for each candidate of a capture, shape [candidate evidence], and the true one's place.
+        sign: 1 or -1, shape [evidence].
+        ridge: weight of the weights' squares.
+    """
+    weights = mean = square = np.zeros(len(sign))
+    for step in range(1, 2500):
+        gradient = ridge * weights
+        for evidence, true in groups:
+            powers = np.exp(evidence @ weights - (evidence @ weights).max())
+            gradient = gradient + (powers / powers.sum() @ evidence - evidence[true]) / len(groups)
+        mean, square = 0.9 * mean + 0.1 * gradient, 0.99 * square + 0.01 * gradient**2
+        weights = weights - 0.03 * (mean / (1 - 0.9**step)) / (np.sqrt(square / (1 - 0.99**step)) + 1e-8)
+        weights = np.where(weights * sign > 0, weights, 0.0)
+    return weights
+
+
+def heights(mesh: SourceMesh, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the relative height of each face and how far it faces up, -1 to 1, shape [face] each."""
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    height = corners.mean(axis=1) @ up
+    low, high = np.quantile(height, (0.002, 0.998))
+    return (height - low) / (high - low), normals @ up / (np.linalg.norm(normals, axis=1) + 1e-12)
+
+
+def whole(mesh: SourceMesh, up: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Keep all faces."""
+    return np.ones(len(mesh.faces), bool)
+
+
+def without_ceiling(mesh: SourceMesh, up: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Keep what is no ceiling."""
+    height, facing = heights(mesh, up)
+    return ~((height > 0.8) & (facing < -0.8))
+
+
+def lower_part(mesh: SourceMesh, up: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Keep what a low scan holds."""
+    return without_ceiling(mesh, up, rng) & (heights(mesh, up)[0] < rng.uniform(0.45, 0.8))
+
+
+def half(mesh: SourceMesh, up: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Keep one side of an upright plane."""
+    across = np.cross(up, rng.normal(size=3))
+    along = mesh.vertices[mesh.faces].mean(axis=1) @ across
+    kept: np.ndarray = along > np.quantile(along, rng.uniform(0.35, 0.65))
+    return kept
+
+
+def strip(mesh: SourceMesh, up: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Keep what lies within a metre or two of a wall."""
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normals, axis=1) * (np.abs(heights(mesh, up)[1]) < 0.2)
+    face = int(rng.choice(len(area), p=area / area.sum()))
+    inwards = normals[face] - (normals[face] @ up) * up
+    along = corners.mean(axis=1) @ (inwards / np.linalg.norm(inwards))
+    return (along > along[face] - 0.1) & (along < along[face] + rng.uniform(0.9, 1.7))
+
+
+PARTS = (whole, whole, without_ceiling, lower_part, half, strip)
+"""What is left of a capture, for the fit."""
+
+
+if __name__ == "__main__":
+    main()

@@ -22,10 +22,11 @@ from s2a.core.errors import InputError
 from s2a.scan import frame, mesh_files, quest_file, upright
 from s2a.scan.habits import habit
 from s2a.scan.source import SourceMesh, Stated
+from s2a.scan.surfels import sample
 
 WRONG = 5.0
 """An up direction farther than this from the truth is wrong [deg]."""
-NEGATIVE = ("hanging", "hanging_deep", "high", "plinths", "shelves")
+NEGATIVE = ("hanging", "hanging_deep", "plinths", "shelves")
 """Evidence against a direction; all other evidence may only speak for it."""
 
 
@@ -136,7 +137,7 @@ def fit(meshes: dict[Path, np.ndarray], rotations: int, seed: int) -> None:
             faces = source.faces[part(source, truth, rng)]
             if len(faces) < 200:
                 continue
-            found = upright.candidates(source.vertices @ turn.T, faces)
+            found = upright.candidates(sample(source.vertices @ turn.T, faces))
             angles = [np.degrees(np.arccos(np.clip(one.up @ turn @ truth, -1, 1))) for one in found]
             if found and min(angles) < WRONG:
                 evidence = np.array([[one.evidence[name] for name in names] for one in found])

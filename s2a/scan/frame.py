@@ -10,6 +10,7 @@ import numpy as np
 from s2a.core.errors import InputError
 from s2a.scan import upright
 from s2a.scan.source import Stated
+from s2a.scan.surfels import Sampled, sample
 from s2a.scan.upright import Candidate
 
 UP = {
@@ -35,6 +36,8 @@ BELIEVED = (0.02, 15.0)
 _SAME = 12.0  # deg; a stated axis and a direction of the surface this near are the same
 _SNAP = 1.0  # deg; a direction this near to an axis of the file is that axis: programs that know gravity write it so
 _TILT = 2.0  # deg; a floor that tilts more is worth a warning
+_RATHER = 3.0  # factor by which the surface alone prefers another direction than the stated, for a warning
+_SURE_BY_CAMERAS = 0.9  # confidence that is enough where the poses of cameras speak, too
 _STATED, _CAMERAS, _HABIT, _AXIS = 5.0, 6.0, 3.0, 0.7  # what each adds to the logarithm of the odds
 
 
@@ -119,14 +122,16 @@ def find(
     Raises:
         InputError: neither file nor room tells, or the room contradicts the file.
     """
+    mesh = sample(vertices, faces)
     said = stated if stated.up or not habit else Stated(habit.up, stated.unit or habit.unit, habit.by)
     if isinstance(up, str) and up == "auto":
         metres, by_name = UNITS.get(unit, said.unit), stated.up is None
-        direction, why, confidence, doubts = _detect(vertices, faces, said, metres, by_name, cameras)
+        direction, why, confidence, doubts = _detect(mesh, said, metres, by_name, cameras)
     else:
         direction, why, confidence, doubts = _given(up), "as given", None, ()
-    direction, why, tilted = _leveled(vertices, faces, direction, why, level)
-    height = _height(vertices, faces, direction)
+    direction, why, tilted = _leveled(mesh, direction, why, level)
+    # Quantiles of a few large faces say little.
+    height = mesh.height(direction) if len(faces) >= 100 else float(np.ptp(vertices[faces].reshape(-1, 3) @ direction))
     factor, why_unit, more = _unit(height, said, unit)
     values = tuple(float(x) for x in direction)
     return FileFrame((values[0], values[1], values[2]), factor, why, why_unit, confidence, (*doubts, *tilted, *more))
@@ -155,8 +160,7 @@ def _given(up: str | Sequence[float]) -> np.ndarray:
 
 
 def _detect(
-    vertices: np.ndarray,
-    faces: np.ndarray,
+    mesh: Sampled,
     stated: Stated,
     metres: float | None,
     by_name: bool,
@@ -167,32 +171,32 @@ def _detect(
     Raises:
         InputError: it is not clear, or the surface contradicts the statement.
     """
-    found = upright.candidates(vertices, faces, metres)
+    found = upright.candidates(mesh, metres)
     if stated.up is None:
-        return _undeclared(vertices, faces, found, cameras)
+        return _undeclared(mesh, found, cameras)
     axis = np.array(UP[stated.up])
     odds = _odds(found, axis, _HABIT if by_name else _STATED)
-    best = int(np.argmax(odds)) if found else 0
-    if not found or _angle(found[best].up, axis) < _SAME:
-        return axis, f"stated by {stated.by}", float(odds[best]) if found else 1.0, ()
-    near = min(_angle(candidate.up, axis) for candidate in found)
+    if not found:
+        return axis, f"stated by {stated.by}", 1.0, ()
     alone = _odds(found, None, 0.0)
-    if (
-        near > _SAME
-        and alone.max() >= upright.required(found, found[int(np.argmax(alone))])
-        and not upright.reasons(found[int(np.argmax(alone))])
-    ):
-        best = int(np.argmax(alone))
+    best, own = int(np.argmax(alone)), min(range(len(found)), key=lambda i: _angle(found[i].up, axis))
+    sure = alone[best] >= upright.required(found, found[best]) and not upright.reasons(found[best])
+    flat = _angle(found[own].up, axis) < _SAME
+    if flat and (not sure or int(np.argmax(odds)) == own):
+        rather = alone[best] > _RATHER * alone[own]
+        doubt = f"the surface speaks rather for {_list(found, alone)}; look at image=FILE.png, or give up="
+        return axis, f"stated by {stated.by}", float(odds[own]), (doubt,) if rather else ()
+    if sure and not flat:
         doubt = f"{stated.by} states {stated.up} up, but no level surface faces it; the room is levelled by its surface"
         return found[best].up, "by the surface, against the file", float(alone[best]), (doubt,)
     raise InputError(
-        f"{stated.by} states {stated.up} up, but the surface speaks for {_list(found, odds)}; "
+        f"{stated.by} states {stated.up} up, but the surface speaks for {_list(found, alone)}; "
         f"give up={stated.up} or another direction"
     )
 
 
 def _undeclared(
-    vertices: np.ndarray, faces: np.ndarray, found: list[Candidate], cameras: np.ndarray | None
+    mesh: Sampled, found: list[Candidate], cameras: np.ndarray | None
 ) -> tuple[np.ndarray, str, float, tuple[str, ...]]:
     """Return the up direction that the surface alone tells, why, its probability, and no doubt.
 
@@ -204,11 +208,13 @@ def _undeclared(
         raise InputError(f"the up axis cannot be told from the surface, which is flat nowhere; {give}")
     odds = _odds(found, cameras, _CAMERAS)
     best = int(np.argmax(odds))
-    reasons = upright.reasons(found[best])
-    if odds[best] < (needed := upright.required(found, found[best])) or reasons:
+    # Cameras, too, tell a strip along a wall from a low room, and a table top from a floor.
+    reasons = upright.reasons(found[best]) if cameras is None else []
+    needed = upright.required(found, found[best]) if cameras is None else _SURE_BY_CAMERAS
+    if odds[best] < needed or reasons:
         why = f" ({'; '.join(reasons)})" if reasons else f" (less sure than {needed:.2f})"
         raise InputError(f"the up axis cannot be told from the room{why}: {_list(found, odds)}; {give}")
-    floor = upright.floor_normal(vertices, faces, found[best].up)
+    floor = upright.floor_normal(mesh, found[best].up)
     direction = found[best].up if floor is None else floor
     axis = _axis(direction)
     if _angle(direction, np.array(UP[axis])) < _SNAP:
@@ -246,15 +252,13 @@ def _short(direction: np.ndarray) -> str:
     )
 
 
-def _leveled(
-    vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray, why: str, level: bool
-) -> tuple[np.ndarray, str, tuple[str, ...]]:
+def _leveled(mesh: Sampled, direction: np.ndarray, why: str, level: bool) -> tuple[np.ndarray, str, tuple[str, ...]]:
     """Return a direction, corrected to the floor's if asked; else a doubt if the floor tilts much against it.
 
     Raises:
         InputError: it shall be corrected, and there is no floor.
     """
-    floor = upright.floor_normal(vertices, faces, direction)
+    floor = upright.floor_normal(mesh, direction)
     if floor is None:
         if level:
             raise InputError(
@@ -288,13 +292,6 @@ def _to_z(direction: np.ndarray) -> np.ndarray:
         return np.eye(3)
     scale = 1 / (1 + z)
     return np.array([[1 - x * x * scale, -x * y * scale, -x], [-x * y * scale, 1 - y * y * scale, -y], [x, y, z]])
-
-
-def _height(vertices: np.ndarray, faces: np.ndarray, up: np.ndarray) -> float:
-    """Return the height of what was scanned, without strays, in the file's unit."""
-    if len(faces) < 100:  # quantiles of a few large faces say little
-        return float(np.ptp(vertices[faces].reshape(-1, 3) @ up))
-    return upright.height(vertices, faces, up)
 
 
 def _unit(height: float, stated: Stated, asked: str) -> tuple[float, str, tuple[str, ...]]:

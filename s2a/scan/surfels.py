@@ -49,6 +49,34 @@ class Surfels:
         return float(low), float(high)
 
 
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """A mesh as points that are evenly spread over it.
+
+    Attributes:
+        points: in the unit of the mesh, shape [point 3].
+        normals: unit vectors, shape [point 3].
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+
+    @cached_property
+    def surfels(self) -> Surfels:
+        """The surfels."""
+        return surfels(self.points, self.normals)
+
+    @cached_property
+    def directions(self) -> np.ndarray:
+        """The axes that much of it faces, shape [axis 3]."""
+        return directions(self.surfels)
+
+    def height(self, up: np.ndarray) -> float:
+        """Return the extent along a direction [3] without strays, in the unit of the mesh."""
+        low, high = np.quantile(self.points @ up, (_TAIL, 1 - _TAIL))
+        return float(high - low)
+
+
 def quantiles(values: np.ndarray, weights: np.ndarray, fractions: tuple[float, ...]) -> np.ndarray:
     """Return weighted quantiles of values [n] at some fractions."""
     order = np.argsort(values)
@@ -56,8 +84,8 @@ def quantiles(values: np.ndarray, weights: np.ndarray, fractions: tuple[float, .
     return np.interp(np.array(fractions) * total[-1], total, values[order])
 
 
-def sample(vertices: np.ndarray, faces: np.ndarray, count: int = SAMPLES) -> tuple[np.ndarray, np.ndarray]:
-    """Return points evenly spread over a mesh and the unit normals there, shape [count 3] each; the same for the same mesh."""
+def sample(vertices: np.ndarray, faces: np.ndarray, count: int = SAMPLES) -> Sampled:
+    """Return points evenly spread over a mesh, of vertices [vertex 3] and faces [face 3]; the same for the same mesh."""
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     double_area = np.linalg.norm(normals, axis=1)
@@ -68,7 +96,7 @@ def sample(vertices: np.ndarray, faces: np.ndarray, count: int = SAMPLES) -> tup
     root, along = np.sqrt((0.7548776662466927 * index) % 1), (0.5698402909980532 * index) % 1
     barycentric = np.stack([1 - root, root * (1 - along), root * along], axis=1)
     points: np.ndarray = (barycentric[:, :, None] * corners[face]).sum(axis=1)
-    return points, normals[face] / double_area[face, None]
+    return Sampled(points, normals[face] / double_area[face, None])
 
 
 def surfels(points: np.ndarray, normals: np.ndarray) -> Surfels:

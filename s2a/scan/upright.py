@@ -6,26 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.scan.surfels import Surfels, components, cos, directions, sample, surfels
+from s2a.scan.surfels import Sampled, Surfels, components, cos
 
 WEIGHTS = {
-    "height": 2.3,  # it is as large as rooms are high
-    "tops": 0.5,  # more looks up than down
+    "height": 2.4,  # it is as large as rooms are high
+    "tops": 0.9,  # more looks up than down
     "furniture": 0.8,  # more looks up in the lower half than down in the upper half
-    "floor": 2.1,  # the lowest level surface covers the footprint
-    "seen_above": 1.5,  # something that looks up covers the footprint
-    "standing": 2.2,  # objects reach the floor
-    "hanging": -0.8,  # objects reach the ceiling
-    "standing_deep": 2.6,  # so do objects without what is near to a wall
-    "hanging_deep": -0.9,
-    "gap": 0.9,  # objects away from the walls are nearer to the floor
-    "low": 0.9,
-    "high": -0.5,
-    "turned": 2.1,  # what is askew is turned about this axis
+    "floor": 2.3,  # the lowest level surface covers the footprint
+    "seen_above": 1.3,  # something that looks up covers the footprint
+    "standing": 2.4,  # objects reach the floor
+    "hanging": -1.0,  # objects reach the ceiling
+    "standing_deep": 1.9,  # so do objects without what is near to a wall
+    "hanging_deep": -0.6,
+    "gap": 0.8,  # objects away from the walls are nearer to the floor than to the ceiling
+    "low": 1.7,  # and begin near to the floor
+    "turned": 2.3,  # what is askew is turned about this axis
     "plinths": -2.1,  # tops are as high as this furniture
-    "seats": 0.3,
     "tables": 2.3,
-    "chests": 0.9,
+    "chests": 0.6,
     "shelves": -0.5,
 }
 """Weight of each kind of evidence in the logarithm of a direction's odds, as tools/bench_upright.py fits them."""
@@ -33,7 +31,7 @@ SURE = 0.98
 """Confidence from which on a direction is believed for a part of a room."""
 SURE_OF_STRIP = 0.995
 """Confidence from which on a direction is believed along which a scan is narrow: it may be a strip along a wall on its back."""
-SURE_OF_WHOLE = 0.75
+SURE_OF_WHOLE = 0.7
 """Confidence from which on a direction is believed for a closed room."""
 FAMILIAR = 0.75
 """A direction counts if at least this much of what lies along or across the best one lies along or across it."""
@@ -50,7 +48,6 @@ _PLANE = 0.02  # fraction of the surface in one plane that makes it a wall, a fl
 _COMPONENT = 8e-4  # fraction of the surface from which on a component is an object
 _BENCHES = {
     "plinths": (0.10, 0.34),
-    "seats": (0.34, 0.53),
     "tables": (0.67, 0.80),
     "chests": (0.98, 1.40),
     "shelves": (1.40, 2.00),
@@ -98,19 +95,17 @@ class Clutter:
     weight: np.ndarray
 
 
-def candidates(vertices: np.ndarray, faces: np.ndarray, metres: float | None = None) -> list[Candidate]:
+def candidates(mesh: Sampled, metres: float | None = None) -> list[Candidate]:
     """Return the directions that may be up, with the evidence for each, the likeliest first.
 
     Args:
-        vertices: in the file's coordinates, shape [vertex 3].
-        faces: counter-clockwise as seen from the room, shape [face 3].
+        mesh: with faces counter-clockwise as seen from the room.
         metres: metres a unit; None where it is not known.
 
     Returns:
         an empty list for a surface without flat parts.
     """
-    surface = surfels(*sample(vertices, faces))
-    axes = directions(surface)
+    surface, axes = mesh.surfels, mesh.directions
     if not len(axes):
         return []
     along = np.abs(surface.normals @ axes.T)
@@ -140,7 +135,7 @@ def required(found: list[Candidate], best: Candidate) -> float:
     if min(side.evidence["extent"] for side in sides) < _NARROW:
         return SURE
     closed = float(np.mean([side.evidence["floor"] for side in sides]))
-    return float(np.interp(closed, _CLOSED, (SURE, SURE_OF_WHOLE + 0.05, SURE_OF_WHOLE)))
+    return float(np.interp(closed, _CLOSED, (SURE, SURE_OF_WHOLE + 0.1, SURE_OF_WHOLE)))
 
 
 def reasons(candidate: Candidate) -> list[str]:
@@ -154,11 +149,9 @@ def reasons(candidate: Candidate) -> list[str]:
     return [reason for reason, holds in doubts.items() if holds]
 
 
-def floor_normal(vertices: np.ndarray, faces: np.ndarray, up: np.ndarray) -> np.ndarray | None:
+def floor_normal(mesh: Sampled, up: np.ndarray) -> np.ndarray | None:
     """Return the floor's normal, unit, shape [3]; None where nothing flat faces within CORRECTED degrees of a direction."""
-    points, normals = sample(vertices, faces)
-    surface = surfels(points, normals)
-    axes = directions(surface)
+    points, normals, surface, axes = mesh.points, mesh.normals, mesh.surfels, mesh.directions
     if not len(axes):
         return None
     axis: np.ndarray = axes[int(np.argmax(np.abs(axes @ up)))]
@@ -180,12 +173,6 @@ def floor_normal(vertices: np.ndarray, faces: np.ndarray, up: np.ndarray) -> np.
         chosen &= off <= np.quantile(off[chosen], tail)
     # A strip of floor says little about the tilt across it.
     return normal if normal @ axis > cos(3.0) else axis
-
-
-def height(vertices: np.ndarray, faces: np.ndarray, up: np.ndarray) -> float:
-    """Return the extent of a surface along a direction [3] without strays, in its unit."""
-    low, high = np.quantile(sample(vertices, faces)[0] @ up, (0.005, 0.995))
-    return float(high - low)
 
 
 def _shell(surface: Surfels, axes: np.ndarray) -> np.ndarray:
@@ -351,7 +338,7 @@ def _gaps(
     facing: np.ndarray,
     shell: np.ndarray,
 ) -> dict[str, float]:
-    """Return how much nearer objects away from the walls are to the floor than to the ceiling, and how many are near either."""
+    """Return how much nearer objects away from the walls are to the floor than to the ceiling, and how many begin near it."""
     walls = np.zeros(columns, bool)
     walls.reshape(-1)[column[shell & (np.abs(facing) < 0.5)]] = True
     for _ in range(2):
@@ -363,7 +350,7 @@ def _gaps(
         walls = wider
     free = ~shell & (level > 0.05) & (level < 0.95) & ~walls.reshape(-1)[column]
     if free.sum() < 30:
-        return {"gap": 0.0, "low": 0.3, "high": 0.3}
+        return {"gap": 0.0, "low": 0.3}
     lowest, highest = np.full(walls.size, np.inf), np.full(walls.size, -np.inf)
     np.minimum.at(lowest, column[free], level[free])
     np.maximum.at(highest, column[free], level[free])
@@ -372,7 +359,6 @@ def _gaps(
     return {
         "gap": float(np.mean(1 - highest - lowest)),
         "low": float(np.mean(lowest < 0.14)),
-        "high": float(np.mean(highest > 0.86)),
     }
 
 

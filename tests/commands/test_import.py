@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import textured_room
 import trimesh
+from PIL import Image
 
 from s2a.commands import cli
 from s2a.scan import ply
@@ -192,3 +193,24 @@ def test_a_foreign_folder_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[
 def test_keys_that_do_not_go_together_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["import", f"scan={tmp_path}", f"out={tmp_path / 'out'}"]) == 2
     assert "give mesh=FILE" in capsys.readouterr().err
+
+
+def test_an_image_shows_the_room_and_its_axes(tmp_path: Path) -> None:
+    imported(tmp_path, textured_room.glb(tmp_path / "room.glb"), f"image={tmp_path / 'room.png'}")
+    with Image.open(tmp_path / "room.png") as image:
+        pixels = np.asarray(image).astype(int)
+    for channel in range(3):  # x red, y green, z blue
+        others = [other for other in range(3) if other != channel]
+        assert (pixels[..., channel] - pixels[..., others].max(axis=-1) > 80).sum() > 500
+
+
+def test_a_vector_says_what_is_up_and_the_line_says_what_was_done(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vertices, faces = textured_room.room()
+    tilt = trimesh.transformations.rotation_matrix(np.radians(127), (1, 0, 0))[:3, :3]
+    trimesh.Trimesh(vertices @ tilt.T, faces, process=False).export(tmp_path / "room.obj")
+    scan = imported(tmp_path, tmp_path / "room.obj", "up=[0,-0.8,-0.6]")
+    assert "up: (0.00, -0.80, -0.60), levelled by 36.9 deg; as given; unit m" in capsys.readouterr().out
+    assert scan.vertices[:, 2].min() == pytest.approx(0, abs=0.01)
+    assert np.ptp(scan.vertices, axis=0)[2] == pytest.approx(2.5, abs=0.01)

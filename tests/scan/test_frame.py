@@ -69,6 +69,13 @@ def test_a_statement_that_the_room_refutes_is_asked_for() -> None:
         find(furnished_room.room(), np.eye(3), GLTF)
 
 
+def test_a_statement_is_believed_with_a_warning_where_the_surface_rather_speaks_against_it() -> None:
+    shell = trimesh.creation.box((5.0, 4.0, 2.5))  # 2.5 m are rather a room's height than 4 m
+    shell.invert()
+    result = find(shell, np.eye(3), GLTF)
+    assert result.up == (0.0, 1.0, 0.0) and any("speaks rather for" in doubt for doubt in result.doubts)
+
+
 def test_a_statement_along_no_surface_gives_way_to_a_clear_room() -> None:
     turn = furnished_room.rotations(1, 2)[0]
     result = find(furnished_room.room(), turn, GLTF)

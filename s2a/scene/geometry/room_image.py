@@ -37,7 +37,8 @@ def draw(room: Mesh) -> np.ndarray:
     start = np.array([high[0] if front[0] > 0 else low[0], high[1] if front[1] > 0 else low[1], low[2]])
     shown = [room, *(_beam(start, axis, length, COLORS[axis]) for axis in range(3))]
     corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-    return render(shown, framing_pose(corners, front, CAMERA), CAMERA)
+    subject = np.concatenate([corners, start + length * np.eye(3)])
+    return render(shown, framing_pose(subject, front, CAMERA), CAMERA)
 
 
 def _beam(start: np.ndarray, axis: int, length: float, color: tuple[int, int, int]) -> Mesh:

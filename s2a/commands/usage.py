@@ -34,13 +34,18 @@ def general(commands: Mapping[str, str]) -> str:
 def command(name: str, meaning: str, cls: type) -> str:
     """Return the help text of one command: examples, then every key with its default and its meaning."""
     values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
-    meanings = attributes(cls) | _chosen(cls, config.compose(name))
+    texts = meanings(cls, config.compose(name))
     words = getattr(sys.modules[cls.__module__], "SENTENCE", None)
     first = f'"{words}" ' if words else ""
     lines = [f"s2a {name} {first}key=value ...: {meaning}", *examples(name), ""]
     for key, value in values:
-        lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, meanings)}".rstrip())
+        lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, texts)}".rstrip())
     return "\n".join([*lines, *options(name, cls)])
+
+
+def meanings(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
+    """Return the meaning of the keys of a command's settings, those that depend on its composed values among them."""
+    return attributes(cls) | _chosen(cls, values)
 
 
 def _chosen(cls: type, values: Mapping[str, Any]) -> dict[str, str]:

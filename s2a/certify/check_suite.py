@@ -14,7 +14,7 @@ from s2a.certify import contents, finger_gap, physics_grip, portability, static
 from s2a.certify.check import Check, Status, ValidationReport, check_bound
 from s2a.certify.contents import Contents, ShapeConfig
 from s2a.certify.finger_gap import Gap, GapConfig
-from s2a.certify.physics import PhysicsConfig, World
+from s2a.certify.physics import MujocoWorld, PhysicsConfig
 from s2a.certify.physics_grip import Grip, GripConfig
 from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
@@ -126,7 +126,7 @@ def _physics(
 ) -> tuple[list[Check], bool | None]:
     """Return the checks that need a simulator, on one model of the stage, and whether a gripper can hold the part."""
     try:
-        world = World(path, config.physics, held.part, robot=robot)
+        world = MujocoWorld(path, config.physics, held.part, robot=robot)
     except (ValueError, RuntimeError, mujoco.FatalError, InputError) as error:
         text = " ".join(str(error).split())[:300]
         return [Check("newton_import", "fail", prim="/scene", message=text, remedy="see Newton's error")], None

@@ -39,7 +39,7 @@ class PhysicsConfig:
     impratio: Positive
 
 
-class World:
+class MujocoWorld:
     """A stage under physics on the CPU.
 
     Attributes:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.certify.physics import World
+from s2a.certify.physics import MujocoWorld
 from s2a.core.bounds import NotNegative, Numbers, Positive
 
 PRESS_FORCE = 1.0
@@ -69,7 +69,7 @@ class Grip:
     prim: str
 
 
-def grip(world: World, config: GripConfig) -> Grip:
+def grip(world: MujocoWorld, config: GripConfig) -> Grip:
     """Try the depths and finger openings in turn; return the first attempt that holds, else the one that came farthest."""
     # What turns about the grasp point itself opens without displacement: there half of the range counts alone.
     travel = config.opened / world.lever_arm if world.lever_arm > 0.0 else math.inf
@@ -88,7 +88,9 @@ def grip(world: World, config: GripConfig) -> Grip:
     return max(attempts, key=lambda attempt: attempt.slip is not None)
 
 
-def _first_approach(world: World, q: float, depth: float, finger_openings: list[float], config: GripConfig) -> Grip:
+def _first_approach(
+    world: MujocoWorld, q: float, depth: float, finger_openings: list[float], config: GripConfig
+) -> Grip:
     """Return the attempt with the widest opening with which the gripper reaches a depth."""
     blocked = []
     for opening in finger_openings:
@@ -101,7 +103,9 @@ def _first_approach(world: World, q: float, depth: float, finger_openings: list[
     return Grip(False, f"the open gripper penetrates {prim} by {1000 * into:.1f} mm on its approach", None, prim)
 
 
-def _obstacle(world: World, q: float, depth: float, opening: float, config: GripConfig) -> tuple[str, float] | None:
+def _obstacle(
+    world: MujocoWorld, q: float, depth: float, opening: float, config: GripConfig
+) -> tuple[str, float] | None:
     """Return the deepest collision of the open gripper on its straight approach, path and depth [m]; None without."""
     gripper = world.geoms(world.robot.gripper.body, *world.robot.gripper.links)
     obstacles = world.geoms(world.stage.target, world.carrier, "static")
@@ -115,7 +119,7 @@ def _obstacle(world: World, q: float, depth: float, opening: float, config: Grip
     return (prim, worst) if prim else None
 
 
-def _hold(world: World, q: float, depth: float, opening: float, config: GripConfig) -> Grip:
+def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: GripConfig) -> Grip:
     """Close the fingers on the part, or spread them within it, pull it, and measure its slip.
 
     Its weight is carried until the gripper has closed, since a lid would fall shut before; then the gripper carries it, and
@@ -154,7 +158,7 @@ def _hold(world: World, q: float, depth: float, opening: float, config: GripConf
     return Grip(bool(slip <= config.slip), word, slip, region)
 
 
-def _presses(world: World, data: mujoco.MjData, finger: str) -> bool:
+def _presses(world: MujocoWorld, data: mujoco.MjData, finger: str) -> bool:
     """Return whether a finger presses on the target."""
     one, other = set(world.geoms(finger)), set(world.geoms(world.stage.target))
     total, force = 0.0, np.zeros(6)
@@ -165,7 +169,7 @@ def _presses(world: World, data: mujoco.MjData, finger: str) -> bool:
     return total > PRESS_FORCE
 
 
-def _gripper_pose(world: World, q: float, inwards: float) -> np.ndarray:
+def _gripper_pose(world: MujocoWorld, q: float, inwards: float) -> np.ndarray:
     """Return the gripper body's pose, 7-vector, with the tool frame's origin `inwards` [m] past the grasp point."""
     grasp = world.grasp_pose(q)
     offset = np.array([0.0, 0.0, inwards]) - world.robot.tool_offset

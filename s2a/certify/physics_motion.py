@@ -9,7 +9,7 @@ import newton
 import numpy as np
 
 from s2a.certify.check import Check, check_bound
-from s2a.certify.physics import World
+from s2a.certify.physics import MujocoWorld
 from s2a.core.bounds import Count, NotNegative, Positive
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
 
@@ -50,7 +50,7 @@ class MotionConfig:
     penetration: NotNegative
 
 
-def motion(world: World, config: MotionConfig) -> list[Check]:
+def motion(world: MujocoWorld, config: MotionConfig) -> list[Check]:
     """Return the checks of a stage without a gripper."""
     return [
         *rest(world, config),
@@ -62,7 +62,7 @@ def motion(world: World, config: MotionConfig) -> list[Check]:
     ]
 
 
-def rest(world: World, config: MotionConfig) -> list[Check]:
+def rest(world: MujocoWorld, config: MotionConfig) -> list[Check]:
     """Watch the stage under gravity, stepped by Newton: does it stay at rest, and does it open by itself?"""
     model, solver = world.model, world.solver
     state, other, control = model.state(), model.state(), model.control()
@@ -96,7 +96,7 @@ def rest(world: World, config: MotionConfig) -> list[Check]:
     ]  # fmt: skip
 
 
-def joint_sweep(world: World, config: MotionConfig) -> Check:
+def joint_sweep(world: MujocoWorld, config: MotionConfig) -> Check:
     """Push the part to its far limit and back to the near one, with a small force besides what carries its weight.
 
     What a lid weighs is no jam; the force at the grasp point that carries it is part of the message.
@@ -123,7 +123,7 @@ def joint_sweep(world: World, config: MotionConfig) -> Check:
     )  # fmt: skip
 
 
-def penetration(world: World, name: str, coordinates: np.ndarray, config: MotionConfig) -> Check:
+def penetration(world: MujocoWorld, name: str, coordinates: np.ndarray, config: MotionConfig) -> Check:
     """Measure how deep the moving part's colliders are in the room's, at some coordinates of the joint."""
     stage = world.stage
     moving, room = world.geoms(stage.target), world.obstacles()
@@ -135,7 +135,7 @@ def penetration(world: World, name: str, coordinates: np.ndarray, config: Motion
     )  # fmt: skip
 
 
-def cabinet_overlap(world: World) -> Check:
+def cabinet_overlap(world: MujocoWorld) -> Check:
     """Report how deep the moving part is in its cabinet: a joint connects the two, so that simulators let them overlap."""
     stage = world.stage
     moving, still = world.geoms(stage.target), world.geoms(world.carrier)
@@ -145,7 +145,7 @@ def cabinet_overlap(world: World) -> Check:
     return Check("cabinet_overlap", "info", max(depth, 0.0), None, "m", path, f"deepest in {world.carrier}; filtered")
 
 
-def reload(world: World) -> Check:
+def reload(world: MujocoWorld) -> Check:
     """Compile the model again from its own XML with MuJoCo alone, and compare what moves, its limits and its mass."""
     problems = []
     again = mujoco.MjModel.from_xml_string(world.xml)
@@ -167,7 +167,7 @@ def reload(world: World) -> Check:
     return check_bound("mujoco_reload", count, 0.0, "problems", prim=path, message=message, remedy=FIX)
 
 
-def _push(world: World, data: mujoco.MjData, goal: float, config: MotionConfig) -> tuple[float, float]:
+def _push(world: MujocoWorld, data: mujoco.MjData, goal: float, config: MotionConfig) -> tuple[float, float]:
     """Drive the joint towards a coordinate at an even speed with a bounded force besides the one that carries its weight.
 
     Returns:
@@ -194,14 +194,14 @@ def _push(world: World, data: mujoco.MjData, goal: float, config: MotionConfig) 
     return float(data.qpos[world.joint]), heaviest
 
 
-def _force(world: World, config: MotionConfig) -> float:
+def _force(world: MujocoWorld, config: MotionConfig) -> float:
     """Return the force of the sweep at the grasp point [N]: more than a finger's for what is heavy, as it is in use."""
     body = int(world.mj.dof_bodyid[world.dof])
     weight = float(world.mj.body_subtreemass[body] * np.linalg.norm(world.mj.opt.gravity))
     return max(config.force, config.weight_fraction * weight)
 
 
-def _touched(world: World, data: mujoco.MjData) -> str:
+def _touched(world: MujocoWorld, data: mujoco.MjData) -> str:
     """Return the path of the collider that presses hardest on the target; empty if none does."""
     own, force, found = set(world.geoms(world.stage.target)), np.zeros(6), [(0.0, "")]
     for i, contact in enumerate(data.contact):

@@ -43,18 +43,23 @@ def command(name: str, meaning: str, cls: type, every: bool = False) -> str:
         every: List the keys inside groups, too; else a line a group says how many there are.
     """
     values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
-    meanings = attributes(cls) | _chosen(cls, config.compose(name))
+    texts = meanings(cls, config.compose(name))
     inside = Counter(key.partition(".")[0] for key, _ in values if "." in key)
     words = getattr(sys.modules[cls.__module__], "SENTENCE", None)
     first = f'"{words}" ' if words else ""
     lines = [f"s2a {name} {first}key=value ...: {meaning}", *examples(name), ""]
     for key, value in values:
         if every or "." not in key:
-            lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, meanings)}".rstrip())
+            lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, texts)}".rstrip())
     if inside and not every:
-        lines += ["", *(f"  {f'{group}.*':40} {n} keys: {meanings.get(group, '')}" for group, n in inside.items())]
+        lines += ["", *(f"  {f'{group}.*':40} {n} keys: {texts.get(group, '')}" for group, n in inside.items())]
         lines += [f"  s2a {name} --help-all lists them."]
     return "\n".join([*lines, *options(name, cls)])
+
+
+def meanings(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
+    """Return the meaning of the keys of a command's settings, those that depend on its composed values among them."""
+    return attributes(cls) | _chosen(cls, values)
 
 
 def _chosen(cls: type, values: Mapping[str, Any]) -> dict[str, str]:

@@ -18,7 +18,7 @@ from s2a.sim.world import SimStage
 from s2a.tasks.base import Instruction, MdpConfig, MetricsConfig, Results, Task, Terms, terms
 from s2a.tasks.mdp import carrying, observations, rewards
 from s2a.tasks.mdp.binding import surface, watch_others
-from s2a.tasks.mdp.world import Place
+from s2a.tasks.mdp.world import ObjectPlace
 from s2a.tasks.state import State
 
 
@@ -146,7 +146,7 @@ class PickPlace(Task):
             "disturbance": metrics.max_disturbance,
         }
         rate = sim.config.control_frequency
-        self.surfaces, place = [surface(stage.region)], Place()
+        self.surfaces, place = [surface(stage.region)], ObjectPlace()
         place.object, place.container = self.surfaces[0].id, -1
         place.goal = wp.transform(*stage.goal[:3], *stage.goal[3:])
         place.rest_steps, place.settle_steps = round(config.rest_time * rate), round(config.settle_time * rate)

@@ -18,7 +18,7 @@ from settings import load
 from s2a import robot
 from s2a.certify import contents, finger_gap, physics_grip, physics_motion
 from s2a.certify.check_suite import CertifyConfig, certify
-from s2a.certify.physics import World
+from s2a.certify.physics import MujocoWorld
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.joints import frame
 from s2a.scene.usd.stage import new_stage, save
@@ -74,7 +74,7 @@ MOTION = {clash: "rest_penetration", obstacle: "sweep_penetration", jam: "joint_
 @pytest.mark.parametrize("defect", MOTION, ids=lambda defect: defect.__name__)
 def test_a_defect_of_motion_is_named(defect: Callable[[Usd.Stage], None], stage: Path) -> None:
     edit(stage, defect)
-    found = {check.name: check for check in physics_motion.motion(World(stage, CONFIG.physics), QUICK.motion)}
+    found = {check.name: check for check in physics_motion.motion(MujocoWorld(stage, CONFIG.physics), QUICK.motion)}
     check = found[MOTION[defect]]
     assert check.status == "fail" and check.value > check.bound and check.remedy
     if defect is obstacle:
@@ -87,13 +87,13 @@ def test_a_body_that_falls_is_named_though_it_is_called_like_the_robot(stage: Pa
         edited.RemovePrim("/scene/panda_9/colliders")
 
     edit(stage, add)
-    settle, _ = physics_motion.rest(World(stage, CONFIG.physics), QUICK.motion)
+    settle, _ = physics_motion.rest(MujocoWorld(stage, CONFIG.physics), QUICK.motion)
     # 0.2 s of free fall
     assert settle.prim == "/scene/panda_9" and settle.value == pytest.approx(0.5 * 9.81 * 0.2**2, rel=0.05)
 
 
 def test_what_turns_about_its_own_grasp_point_gets_an_answer_too(stage: Path) -> None:
-    world = World(stage, CONFIG.physics)
+    world = MujocoWorld(stage, CONFIG.physics)
     world.stage = replace(
         world.stage, joint=replace(world.stage.joint, kind="revolute", origin=tuple(world.stage.grasp[:3]))
     )
@@ -112,14 +112,14 @@ def test_the_way_of_a_body_is_that_of_its_farthest_point() -> None:
 
 
 def test_clean_furniture_keeps_still_runs_freely_and_survives_mujoco(stage: Path) -> None:
-    found = physics_motion.motion(World(stage, CONFIG.physics), CONFIG.motion)
+    found = physics_motion.motion(MujocoWorld(stage, CONFIG.physics), CONFIG.motion)
     assert [check for check in found if check.status not in ("pass", "info")] == []
     assert {check.name for check in found} >= {"rest_displacement", "self_opening", "mujoco_reload", *MOTION.values()}
 
 
 def test_what_has_to_be_lifted_is_no_jam_and_its_weight_is_told(stage: Path) -> None:
     edit(stage, upright)
-    sweep = physics_motion.joint_sweep(World(stage, CONFIG.physics), CONFIG.motion)
+    sweep = physics_motion.joint_sweep(MujocoWorld(stage, CONFIG.physics), CONFIG.motion)
     assert (
         sweep.status == "pass" and f"{5.32 * 9.81:.1f} N or less" in sweep.message
     )  # five times the force of the sweep
@@ -134,7 +134,7 @@ def test_dry_friction_below_the_force_is_no_jam(stage: Path, mass: float, fricti
         attribute(edited, f"{JOINT}.newton:friction", friction)
 
     edit(stage, heavy)
-    sweep = physics_motion.joint_sweep(World(stage, CONFIG.physics), CONFIG.motion)
+    sweep = physics_motion.joint_sweep(MujocoWorld(stage, CONFIG.physics), CONFIG.motion)
     assert sweep.status == "pass", (sweep.value, sweep.message)
 
 
@@ -144,12 +144,14 @@ def test_dry_friction_that_holds_a_part_lets_it_not_creep(stage: Path) -> None:
         attribute(edited, f"{JOINT}.newton:friction", 9.0)  # twice the 4.55 N with which the drawer pulls
 
     edit(stage, sticky_slope)
-    _, opened = physics_motion.rest(World(stage, CONFIG.physics), replace(CONFIG.motion, rest_time=0.2, open_time=1.0))
+    _, opened = physics_motion.rest(
+        MujocoWorld(stage, CONFIG.physics), replace(CONFIG.motion, rest_time=0.2, open_time=1.0)
+    )
     assert opened.value < 1e-4
 
 
 def test_the_hand_holds_a_bar_of_known_thickness(stage: Path) -> None:
-    attempt = physics_grip.grip(World(stage, CONFIG.physics), CONFIG.grip)
+    attempt = physics_grip.grip(MujocoWorld(stage, CONFIG.physics), CONFIG.grip)
     width = int(attempt.message.split(" mm")[0])
     assert attempt.holds and width in (23, 24)  # the bar is 23.8 mm high; contacts give way by tenths of a millimetre
     assert 0.0 <= attempt.slip < CONFIG.grip.slip
@@ -158,7 +160,7 @@ def test_the_hand_holds_a_bar_of_known_thickness(stage: Path) -> None:
 def test_what_falls_shut_is_held_open_until_the_hand_has_closed(stage: Path) -> None:
     edit(stage, upright)
     # In the 0.6 s in which the hand closes it would fall all the 50 mm that it is open.
-    attempt = physics_grip.grip(World(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0, pull_time=0.0))
+    attempt = physics_grip.grip(MujocoWorld(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0, pull_time=0.0))
     assert attempt.holds and attempt.message.startswith("23 mm")
 
 
@@ -166,7 +168,7 @@ def test_a_load_along_the_way_of_the_fingers_is_held_by_their_gear(stage: Path) 
     edit(stage, upright)
     # Of the weight of 52.2 N each finger's gear takes half: 26.1 N / 20 kN/m = 1.3 mm, and the contacts give way by tenths of a
     # millimetre. Above 60 N the fingers are pushed open.
-    world, weight = World(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0)
+    world, weight = MujocoWorld(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0)
     assert 0.0013 < physics_grip.grip(world, weight).slip < CONFIG.grip.slip
     assert physics_grip.grip(world, replace(weight, gear=0.0)).slip > 0.02
     assert not physics_grip.grip(world, CONFIG.grip).holds
@@ -174,7 +176,7 @@ def test_a_load_along_the_way_of_the_fingers_is_held_by_their_gear(stage: Path) 
 
 def test_a_pull_beyond_friction_slips(stage: Path) -> None:
     # Two fingers of 30 N at a friction coefficient of 1 hold 60 N.
-    world = World(stage, CONFIG.physics)
+    world = MujocoWorld(stage, CONFIG.physics)
     assert physics_grip.grip(world, replace(CONFIG.grip, pull=55.0)).holds
     assert not physics_grip.grip(world, replace(CONFIG.grip, pull=65.0)).holds
 
@@ -184,7 +186,7 @@ def test_colliders_that_fill_what_the_scan_leaves_free_are_named(stage: Path) ->
     edit(stage, swallowed_gap)
     room = finger_gap.gap(stage, contents.read(stage), PANDA.gripper)
     assert room.graspable(CONFIG.gap) and room.fill_ratio > 0.5
-    attempt = physics_grip.grip(World(stage, CONFIG.physics), CONFIG.grip)
+    attempt = physics_grip.grip(MujocoWorld(stage, CONFIG.physics), CONFIG.grip)
     assert not attempt.holds and attempt.prim == f"{TARGET}/colliders/hull_00"
 
 

@@ -117,7 +117,7 @@ def test_every_command_composes_loads_and_documents_each_of_its_keys(command: st
     values = config.compose(command)
     required = [f"{key}=given" for key, value in config.leaves(values) if value == config.REQUIRED]
     config.load(cls, config.compose(command, required))
-    meanings = usage.attributes(cls)
+    meanings = usage.meanings(cls, values)
     assert [key for key in config.keys(values) if not usage.meaning_of(key, meanings)] == []
 
 

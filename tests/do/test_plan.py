@@ -76,7 +76,7 @@ def test_plans_that_fit(context: RoomContext, skills: list[dict[str, Any]]) -> N
         ("[]", "JSON"),
         (said(), "refusal"),
         (said(OPEN, refusal="unknown"), "refusal"),
-        (said({**OPEN, "skill": "throw"}), "schema"),
+        (said({**OPEN, "skill": "throw"}), "skills: open, close, pick_place, put_in"),
         (said({**OPEN, "speed": 3}), "schema"),
         (said(OPEN, plan="more"), "schema"),
         (said({"skill": "open", "part": 7, "object": None, "support": None}), "schema"),

@@ -12,7 +12,7 @@ from cabinet_rooms import clean_cabinet_room
 from settings import load
 
 from s2a.certify.check_suite import CertifyConfig
-from s2a.certify.physics import World
+from s2a.certify.physics import MujocoWorld
 from s2a.certify.physics_motion import rest
 from s2a.core.errors import InputError
 from s2a.prepare.free_objects import free_object, free_objects
@@ -117,7 +117,7 @@ def test_what_stood_though_most_of_its_underside_was_not_seen_stands_on_its_outl
 def test_it_stays_where_it_is(prepared: SimRoom, tmp_path: Path) -> None:
     sim_stage.write(prepared, tmp_path / "sim.usd")
     config = load(CertifyConfig, "certify/default")
-    world = World(tmp_path / "sim.usd", config.physics)
+    world = MujocoWorld(tmp_path / "sim.usd", config.physics)
     assert "box_20" in " ".join(world.model.body_label)
     found = {check.name: check for check in rest(world, replace(config.motion, open_time=2.0))}
     assert found["rest_displacement"].status == found["self_opening"].status == "pass"

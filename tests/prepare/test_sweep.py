@@ -20,14 +20,13 @@ from s2a.core import config as configuration
 from s2a.core.errors import InputError
 from s2a.prepare.room import PrepareConfig, prepare
 from s2a.prepare.target import target_joint
-from s2a.scene.articulation import displace
+from s2a.scene.articulation import displace, opening_direction
 from s2a.scene.geometry.convex import box, contains, deepest, overlap, sweep
 from s2a.scene.scene import Joint, Mesh, Part, Scene, Vec3
 from s2a.scene.usd import geometric, sim_stage
 from s2a.scene.usd.joints import write_joint
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.scene.usd.stage import new_stage
-from s2a.tasks.mdp.observations import opening_direction
 
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
 

@@ -15,7 +15,7 @@ from s2a.scene.scene import Mesh
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
-from s2a.tasks.mdp.world import CARRIED, GRASPED, OPENED, EstimatedPart, Numbers, Target, World
+from s2a.tasks.mdp.world import CARRIED, GRASPED, OPENED, EstimatedPart, Numbers, TaskTarget, World
 from s2a.tasks.part_description import of_vector
 
 SHORTEST_ARM = 0.05
@@ -40,7 +40,7 @@ def bind(sim: Simulation, sensor: ContactSensor, config: Any, metrics: Any, own:
     targets = [
         _target(sim.stages[i], wide, *at) for i, *at in zip(sim.stage_of_env, sim.part_coord, sim.part_dof, strict=True)
     ]
-    w.target, w.contacts = wp.array(targets, dtype=Target), sensor.found
+    w.target, w.contacts = wp.array(targets, dtype=TaskTarget), sensor.found
     w.stage = wp.array(sim.stage_of_env, dtype=int)
     w.number = _numbers(sim, config, metrics)
     free = any(each.free for each in targets)
@@ -80,7 +80,7 @@ def _numbers(sim: Simulation, config: Any, metrics: Any) -> Numbers:
     """Return the settings that have a field of their name, and those that are computed from them."""
     number = Numbers()
     number.control_step, number.close_distance = sim.config.control_dt, -1.0
-    for name in Numbers.vars:
+    for name in Numbers.vars:  # type: ignore[attr-defined]
         for settings in (config, metrics):
             if isinstance(value := getattr(settings, name, None), (int, float)) and not (
                 settings is metrics and hasattr(config, name)
@@ -113,8 +113,8 @@ def watch_others(w: World, sim: Simulation, moves: Sequence[int]) -> None:
     w.origin = wp.zeros((sim.num_envs, max(1, len(others))), dtype=wp.vec3)
 
 
-def _target(stage: SimStage, max_opening: float, coord: int, dof: int) -> Target:
-    t, joint = Target(), stage.joint
+def _target(stage: SimStage, max_opening: float, coord: int, dof: int) -> TaskTarget:
+    t, joint = TaskTarget(), stage.joint
     t.free = int(stage.target in stage.room.free)
     t.coord, t.dof = coord, dof
     t.base = wp.quat(*stage.base[3:])

@@ -9,7 +9,7 @@ horizontal bar), moving with the part; of a free object that of its body. The op
 import warp as wp
 
 from s2a.sim.contacts import PartContacts
-from s2a.tasks.mdp.world import Carried, Target, World
+from s2a.tasks.mdp.world import Carried, TaskTarget, World
 from s2a.tasks.state import State
 
 wp.set_module_options({"enable_backward": False})  # half the time to compile
@@ -70,7 +70,7 @@ def opening_speed(s: State, w: World, world: int):
 
 
 @wp.func
-def opening_force(t: Target, wrench: wp.spatial_vector):
+def opening_force(t: TaskTarget, wrench: wp.spatial_vector):
     """Return the force along the opening at the grasp point [N] of a wrench on the part about the world's origin."""
     force, torque = wp.spatial_top(wrench), wp.spatial_bottom(wrench)
     if t.slides == 1:

@@ -24,7 +24,7 @@ Opened, Grasped, Carried, Limit = (columns(names) for names in (OPENED, GRASPED,
 
 
 @wp.struct
-class Target:
+class TaskTarget:
     """What a world's robot is to move: a part on a joint, or a free object.
 
     Attributes:
@@ -80,7 +80,7 @@ class EstimatedPart:
 
 
 @wp.struct
-class Place:
+class ObjectPlace:
     """Where an object is to be put.
 
     Attributes:
@@ -185,13 +185,13 @@ class World:
     right: int
     tool: wp.transform
     body: int
-    target: wp.array(dtype=Target)
+    target: wp.array(dtype=TaskTarget)
     contacts: PartContacts
     region_force: wp.array2d(dtype=float)
     resistance: wp.array(dtype=wp.vec3)
     scale: wp.array(dtype=float)
     limits: wp.array2d(dtype=float)
-    place: Place
+    place: ObjectPlace
     others: wp.array(dtype=int)
     seen: wp.array(dtype=wp.transform)
     is_estimated: int

@@ -29,8 +29,9 @@ from s2a.language.insert.context import Inserted, ObjectRequest
 from s2a.language.insert.room_state import RoomState
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.llm.client import choose
-from s2a.scene.geometry.camera import CameraPose, OrbitCamera, render
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera
 from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 
 HALF, CUT, PIXELS, CHANGED = 0.5, 0.1, 250, 12

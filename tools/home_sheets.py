@@ -18,9 +18,10 @@ from s2a.homes.catalog import Entry, catalog
 from s2a.homes.furnishing import HOMES, home
 from s2a.homes.room import Room
 from s2a.homes.solids import Piece
-from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, render
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
+from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 
 TILES = {"rooms": (400, 300), "handles": (200, 150)}

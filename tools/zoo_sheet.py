@@ -13,7 +13,8 @@ import numpy as np
 import sheet
 
 from s2a.homes.zoo import ZooObject, zoo
-from s2a.scene.geometry.camera import OrbitCamera, framing_pose, render
+from s2a.scene.geometry.camera import OrbitCamera, framing_pose
+from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 
 COLUMNS = 10

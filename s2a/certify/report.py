@@ -18,8 +18,9 @@ from PIL import Image
 
 from s2a.certify.check import Check, ValidationReport
 from s2a.scan.visuals import hulls, visible_room
-from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of, render
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.scene.geometry.mesh_ops import painted
+from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 

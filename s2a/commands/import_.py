@@ -21,10 +21,10 @@ from s2a.core.progress import track
 from s2a.scan import folder, imported, ply, predicted, recording, source, urdf_object
 from s2a.scan import predictions as reader
 from s2a.scan.urdf_object import ObjectBox
-from s2a.scene.geometry.camera import write_png
 from s2a.scene.geometry.depth_fusion import DepthFusion, Image, measured_points
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.planes import min_area_rectangle
+from s2a.scene.geometry.render import write_png
 from s2a.scene.geometry.room_image import draw
 from s2a.scene.scene import Mesh
 

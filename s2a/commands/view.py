@@ -22,9 +22,8 @@ from s2a.scene.geometry.mesh_ops import painted
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import ENCODINGS
 from s2a.view.page import cards
-from s2a.view.page.detail import thinned
-from s2a.view.page.layers import hue
-from s2a.view.page.room import PageRoom
+from s2a.view.page.room import PageRoom, hue
+from s2a.view.page.thin import thinned
 
 DATASET = "meta/s2a.json"
 """By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episode.ABOUT`, which needs the extra "sim")."""
@@ -188,7 +187,7 @@ def _page_view(room: PageRoom, config: Config) -> CameraPose:
 
 def _image(scene: Visible, config: Config, path: Path) -> str:
     # Loads Warp, which the tree does not need.
-    from s2a.scene.geometry.camera import render, write_png
+    from s2a.scene.geometry.render import render, write_png
 
     meshes = list(scene.surfaces.values())
     if config.colliders:

@@ -13,8 +13,9 @@ from PIL import Image
 from settings import load
 
 from s2a.commands.cli import main
-from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of, render
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.scene.geometry.mesh_ops import painted
+from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 
 RED, BLUE, WHITE = (255, 0, 0), (0, 0, 255), (255, 255, 255)

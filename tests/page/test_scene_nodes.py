@@ -14,9 +14,9 @@ viser = pytest.importorskip("viser")
 
 from s2a.scene.scene import Joint, Part, Scene  # noqa: E402
 from s2a.view.page import detail, layers, panel, scene_nodes, serve  # noqa: E402
-from s2a.view.page.detail import thinned  # noqa: E402
 from s2a.view.page.read import of_scene  # noqa: E402
 from s2a.view.page.room import PageRoom  # noqa: E402
+from s2a.view.page.thin import thinned  # noqa: E402
 
 PORT = 8600
 

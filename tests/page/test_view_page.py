@@ -14,10 +14,9 @@ import usd_room
 from s2a.commands import cli
 from s2a.scene.scene import Mesh, Part, Scene
 from s2a.scene.usd import geometric
-from s2a.view.page.detail import clustered, thinned
-from s2a.view.page.layers import hue
 from s2a.view.page.read import of_scene
-from s2a.view.page.room import PageRoom
+from s2a.view.page.room import PageRoom, hue
+from s2a.view.page.thin import clustered, thinned
 
 
 def plane(size: float, step: float) -> Mesh:

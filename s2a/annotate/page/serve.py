@@ -11,9 +11,9 @@ from s2a.scan.evidence.bounds import Bounds
 from s2a.scene.geometry.camera import CameraPose
 from s2a.scene.scene import Mesh
 from s2a.view.page import glb
-from s2a.view.page.detail import thinned
 from s2a.view.page.room import PagePart, PageRoom
 from s2a.view.page.serve import address, started
+from s2a.view.page.thin import thinned
 
 WIDTH = 400
 """[pixel] of the panel."""

@@ -20,9 +20,10 @@ from s2a.language.insert.room_state import RoomState
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.insert.stability import drop_check
 from s2a.language.llm.ask import Model, Record, Request, UsageLog, ask, parse, step
-from s2a.scene.geometry.camera import CameraPose, OrbitCamera, render
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera
 from s2a.scene.geometry.mesh_ops import merge, sample
 from s2a.scene.geometry.mesh_query import ray_mesh, visible_distance
+from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh, Scene
 
 AZIMUTHS, ELEVATIONS = 24, np.radians([5.0, 15.0, 25.0, 40.0, 60.0])

@@ -20,7 +20,8 @@ from s2a.language.insert.room_state import RoomState
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.llm.ask import Model, Record
 from s2a.language.llm.client import choose, kind_of
-from s2a.scene.geometry.camera import OrbitCamera, render, write_png
+from s2a.scene.geometry.camera import OrbitCamera
+from s2a.scene.geometry.render import render, write_png
 from s2a.scene.usd import descriptive, geometric
 from s2a.scene.usd.stage import ROOT, new_stage, open_stage
 from s2a.scene.usd.stamp import files

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.scene.geometry.camera import OrbitCamera, framing_pose, front_of, render
+from s2a.scene.geometry.camera import OrbitCamera, framing_pose, front_of
 from s2a.scene.geometry.mesh_ops import painted
+from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 
 CAMERA = OrbitCamera(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import colorsys
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -15,18 +14,7 @@ from s2a.scene.geometry.mesh_ops import centroids, keep, merge, painted
 from s2a.scene.geometry.regions import PlaneConfig, horizontal_planes
 from s2a.scene.scene import Joint, Mesh
 from s2a.view.page.glb import vertex_normals
-from s2a.view.page.room import Extra, PageRoom
-
-GOLDEN = 0.618
-"""Steps of the golden section around the circle of hues keep neighbours apart, however many there are."""
-SATURATION, VALUE = 0.55, 0.95
-
-
-def hue(number: int) -> tuple[int, int, int]:
-    """Return the sRGB colour of the item with this number, 0 to 255."""
-    red, green, blue = colorsys.hsv_to_rgb(number * GOLDEN % 1.0, SATURATION, VALUE)
-    return int(255 * red), int(255 * green), int(255 * blue)
-
+from s2a.view.page.room import Extra, PageRoom, hue
 
 SURFACES, BY_PART, GRASPS, AXES = "surfaces", "colours by part", "grasp regions", "joint axes"
 COLLIDERS, WALLS = "colliders", "colliders of walls"

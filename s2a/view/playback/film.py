@@ -12,14 +12,15 @@ import numpy as np
 from s2a.core.errors import InputError
 from s2a.core.workers import in_parallel
 from s2a.robot.tool_path import matrices
-from s2a.scene.geometry.camera import CameraPose, OrbitCamera, render
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera
 from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.sim.camera import first_free, places_around
-from s2a.view.page.detail import thinned
 from s2a.view.page.read import of_sim_room
 from s2a.view.page.room import Coordinates, PageRoom, Played, PlayedWorld, unit
+from s2a.view.page.thin import thinned
 from s2a.view.playback import played
 from s2a.view.playback.states import States
 

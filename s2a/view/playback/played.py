@@ -17,8 +17,8 @@ from s2a.scene.geometry.mesh_ops import merge, painted
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.scene.usd.stamp import layer_hash
-from s2a.view.page.detail import clustered
 from s2a.view.page.room import Played, PlayedWorld
+from s2a.view.page.thin import clustered
 from s2a.view.playback import states
 from s2a.view.playback.states import States, read_demonstrations
 

@@ -20,7 +20,6 @@ import numpy as np
 
 from s2a.core.errors import InputError
 from s2a.scan import frame, mesh_files, quest_file, upright
-from s2a.scan.habits import habit
 from s2a.scan.source import SourceMesh, Stated
 from s2a.scan.surfels import sample
 
@@ -68,7 +67,7 @@ def bench(meshes: dict[Path, np.ndarray], rotations: int, seed: int) -> None:
     print(f"{'capture':40s} as stored  right asked wrong  with a key  seconds a mesh")
     for path, truth in meshes.items():
         source, start = load(path), time.perf_counter()
-        count = Count(outcome(source, truth, source.stated, habit(path)))
+        count = Count(outcome(source, truth, source.stated, frame.by_name(path)))
         for turn in turns(rotations, seed):
             turned = moved(source, turn)
             result = outcome(turned, turn @ truth, Stated(), None)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -39,6 +41,15 @@ _TILT = 2.0  # deg; a floor that tilts more is worth a warning
 _RATHER = 3.0  # factor by which the surface alone prefers another direction than the stated, for a warning
 _SURE_BY_CAMERAS = 0.9  # confidence that is enough where the poses of cameras speak, too
 _STATED, _CAMERAS, _HABIT, _AXIS = 5.0, 6.0, 3.0, 0.7  # what each adds to the logarithm of the odds
+
+_PROGRAMS = (
+    (r"scene\d{4}_\d{2}_vh_clean(_2)?(\.labels)?\.ply", "z", "ScanNet"),
+    (r"scene_\d{5}_\d{2}\.ply", "z", "MultiScan"),
+    (r"mesh_aligned_0\.05\.ply", "z", "ScanNet++"),
+    (r"\d+_3dod_mesh\.ply", "z", "ARKitScenes"),
+    (r"\w*SpatialMapping\w*\.obj", "y", "HoloLens"),
+    (r"textured_output\.obj", "y", "3d Scanner App"),
+)
 
 
 @dataclass(frozen=True)
@@ -125,8 +136,8 @@ def find(
     mesh = sample(vertices, faces)
     said = stated if stated.up or not habit else Stated(habit.up, stated.unit or habit.unit, habit.by)
     if isinstance(up, str) and up == "auto":
-        metres, by_name = UNITS.get(unit, said.unit), stated.up is None
-        direction, why, confidence, doubts = _detect(mesh, said, metres, by_name, cameras)
+        metres, named = UNITS.get(unit, said.unit), stated.up is None
+        direction, why, confidence, doubts = _detect(mesh, said, metres, named, cameras)
     else:
         direction, why, confidence, doubts = _given(up), "as given", None, ()
     direction, why, tilted = _leveled(mesh, direction, why, level)
@@ -135,6 +146,14 @@ def find(
     factor, why_unit, more = _unit(height, said, unit)
     values = tuple(float(x) for x in direction)
     return FileFrame((values[0], values[1], values[2]), factor, why, why_unit, confidence, (*doubts, *tilted, *more))
+
+
+def by_name(path: Path) -> Stated | None:
+    """Return the frame, in metres, that the program behind a file's name writes; None for any other name."""
+    for pattern, up, program in _PROGRAMS:
+        if re.fullmatch(pattern, path.name):
+            return Stated(up, 1.0, f"{program}'s file name")
+    return None
 
 
 def name(direction: np.ndarray) -> str:
@@ -163,7 +182,7 @@ def _detect(
     mesh: Sampled,
     stated: Stated,
     metres: float | None,
-    by_name: bool,
+    named: bool,
     cameras: np.ndarray | None,
 ) -> tuple[np.ndarray, str, float, tuple[str, ...]]:
     """Return the up direction, why, its probability, and doubts about it.
@@ -175,7 +194,7 @@ def _detect(
     if stated.up is None:
         return _undeclared(mesh, found, cameras)
     axis = np.array(UP[stated.up])
-    odds = _odds(found, axis, _HABIT if by_name else _STATED)
+    odds = _odds(found, axis, _HABIT if named else _STATED)
     if not found:
         return axis, f"stated by {stated.by}", 1.0, ()
     alone = _odds(found, None, 0.0)

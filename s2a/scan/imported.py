@@ -15,7 +15,6 @@ from s2a.scan import box_files, frame, labelled_boxes, mesh_files, quest_file
 from s2a.scan.bake import Baked, bake
 from s2a.scan.folder import MESH
 from s2a.scan.frame import FileFrame
-from s2a.scan.habits import habit
 from s2a.scan.labelled_boxes import LabelledBox
 from s2a.scan.ply_writer import write_ply
 from s2a.scan.source import SourceMesh
@@ -108,7 +107,7 @@ def place(
         InputError: neither the file nor the room tells up axis or unit.
     """
     try:
-        found = frame.find(source.vertices, source.faces, source.stated, up, unit, level, habit(path), cameras)
+        found = frame.find(source.vertices, source.faces, source.stated, up, unit, level, frame.by_name(path), cameras)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     baked = bake(source, texel / found.unit)

@@ -15,7 +15,7 @@ import trimesh
 from s2a import scan as scans
 from s2a.commands import cli
 from s2a.core.errors import InputError
-from s2a.scan import quest_file
+from s2a.scan import labelled_boxes, quest_file
 
 Z_TO_Y = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
 """From z up to the scene's y up."""
@@ -90,8 +90,12 @@ def test_labelled_boxes_become_objects(tmp_path: Path) -> None:
     parts = {part.label: part.mesh for part in scans.read(tmp_path / "scan").parts.values()}
     assert set(parts) == {"bed", "floor", "unannotated"}
     low, high = parts["bed"].bounds
-    assert high - low == pytest.approx([2.0, 0.9, 0.5], abs=0.25)  # the margin and half an edge at either side
-    assert np.abs(parts["floor"].vertices[:, 2]).max() < 0.15 and np.ptp(parts["floor"].vertices[:, 0]) > 4.5
+    size, edge = np.array([2.0, 0.9, 0.5]), 0.2  # a face goes where two of its corners are
+    assert (high - low > size - 2 * edge).all() and (high - low < size + 2 * (labelled_boxes.MARGIN + edge)).all()
+    assert (
+        np.abs(parts["floor"].vertices[:, 2]).max() < labelled_boxes.FLAT_MARGIN + edge
+        and np.ptp(parts["floor"].vertices[:, 0]) > 4.5
+    )
 
 
 @pytest.mark.parametrize("keep", [0.5, 0.98])

@@ -184,7 +184,7 @@ def make(
     with errors.required():
         from s2a.tasks import vector_env
 
-        return vector_env.make(task, room, part, num_envs, device, seed, list(overrides))
+        return vector_env.make(task, Path(room), part, num_envs, device, seed, list(overrides))
 
 
 def _load(cls: type[Any], command: str, given: dict[str, Any], overrides: Sequence[str]) -> Any:

@@ -15,7 +15,7 @@ from s2a.certify.check import Check, Status, ValidationReport, check_bound
 from s2a.certify.contents import Contents, ShapeConfig
 from s2a.certify.finger_gap import Gap, GapConfig
 from s2a.certify.physics import MujocoWorld, PhysicsConfig
-from s2a.certify.physics_grip import Grip, GripConfig
+from s2a.certify.physics_grip import GripConfig, GripTest
 from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
 from s2a.certify.static import FoundationConfig
@@ -134,7 +134,7 @@ def _physics(
     return [*motion(world, config.motion), *_fingers(world.stage.target, room, attempt, config, seen)], attempt.holds
 
 
-def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig, seen: list[Check]) -> list[Check]:
+def _fingers(target: str, room: Gap, attempt: GripTest, config: CertifyConfig, seen: list[Check]) -> list[Check]:
     """Return the checks of the finger gap and of the grasp; where the scan says why no gripper could hold it, neither fails."""
     fits, region = room.graspable(config.gap), f"/scene/{target}/region"
     said = f"{room.free_fraction:.0%} of the finger gap is free as scanned; the region is {1000 * room.thickness:.0f} mm thick"

@@ -53,7 +53,7 @@ class GripConfig:
 
 
 @dataclass(frozen=True)
-class Grip:
+class GripTest:
     """Result of one attempt.
 
     Attributes:
@@ -69,7 +69,7 @@ class Grip:
     prim: str
 
 
-def grip(world: MujocoWorld, config: GripConfig) -> Grip:
+def grip(world: MujocoWorld, config: GripConfig) -> GripTest:
     """Try the depths and finger openings in turn; return the first attempt that holds, else the one that came farthest."""
     # What turns about the grasp point itself opens without displacement: there half of the range counts alone.
     travel = config.opened / world.lever_arm if world.lever_arm > 0.0 else math.inf
@@ -90,7 +90,7 @@ def grip(world: MujocoWorld, config: GripConfig) -> Grip:
 
 def _first_approach(
     world: MujocoWorld, q: float, depth: float, finger_openings: list[float], config: GripConfig
-) -> Grip:
+) -> GripTest:
     """Return the attempt with the widest opening with which the gripper reaches a depth."""
     blocked = []
     for opening in finger_openings:
@@ -100,7 +100,7 @@ def _first_approach(
             return _hold(world, q, depth, opening, config)
         blocked.append(next(found for found in collisions if found))
     prim, into = min(blocked, key=lambda found: found[1])
-    return Grip(False, f"the open gripper penetrates {prim} by {1000 * into:.1f} mm on its approach", None, prim)
+    return GripTest(False, f"the open gripper penetrates {prim} by {1000 * into:.1f} mm on its approach", None, prim)
 
 
 def _obstacle(
@@ -119,7 +119,7 @@ def _obstacle(
     return (prim, worst) if prim else None
 
 
-def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: GripConfig) -> Grip:
+def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: GripConfig) -> GripTest:
     """Close the fingers on the part, or spread them within it, pull it, and measure its slip.
 
     Its weight is carried until the gripper has closed, since a lid would fall shut before; then the gripper carries it, and
@@ -148,14 +148,14 @@ def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: Gr
     pressing = [_presses(world, data, finger) for finger in world.robot.gripper.links]
     if not all(pressing):
         missing = "neither finger presses" if not any(pressing) else "only one finger presses"
-        return Grip(
+        return GripTest(
             False, f"the gripper {grips} to {1000 * data.qpos[fingers].sum():.0f} mm, but {missing}", None, region
         )
     before, width = float(data.qpos[joint]), float(data.qpos[fingers].sum())
     run(config.pull_time, pull, config.gear)
     slip = abs(float(data.qpos[joint]) - before) * world.lever_arm
     word = f"{1000 * width:.0f} mm between the fingers; {config.pull:g} N for {config.pull_time:g} s move it {1000 * slip:.1f} mm"
-    return Grip(bool(slip <= config.slip), word, slip, region)
+    return GripTest(bool(slip <= config.slip), word, slip, region)
 
 
 def _presses(world: MujocoWorld, data: mujoco.MjData, finger: str) -> bool:

@@ -25,7 +25,7 @@ from s2a.scene.geometry.depth_fusion import DepthFusion, Image, measured_points
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.planes import min_area_rectangle
 from s2a.scene.geometry.render import write_png
-from s2a.scene.geometry.room_image import draw
+from s2a.scene.geometry.room_image import room_image
 from s2a.scene.scene import Mesh
 
 _log = logging.getLogger(__name__)
@@ -139,10 +139,10 @@ def _import_frames(config: Config, folder: Path) -> str:
     return f"{summary}\n  {walk.kind} recording: {used} frames fused{lost}, {len(chosen)} keyframes kept"
 
 
-def _fused(walk: recording.Recording, config: Config) -> tuple[Mesh, np.ndarray]:
+def _fused(walk: recording.RgbdRecording, config: Config) -> tuple[Mesh, np.ndarray]:
     """Return the surface that frames show together, and the sharpness of each frame, NaN where it was not used."""
 
-    def placed(frame: recording.Frame, depth: np.ndarray, color: np.ndarray | None) -> Image:
+    def placed(frame: recording.PosedFrame, depth: np.ndarray, color: np.ndarray | None) -> Image:
         return Image(depth, color, frame.pose, astuple(walk.depth_camera), astuple(walk.color_camera))
 
     used = len(walk.frames[:: config.every])
@@ -170,7 +170,7 @@ def _written(
         imported.write(done, path, out)
         more(out)
     if config.image:
-        write_png(draw(done.mesh), config.image)
+        write_png(room_image(done.mesh), config.image)
     size = " x ".join(f"{length:.2f}" for length in done.mesh.bounds[1] - done.mesh.bounds[0])
     faces = f"{len(done.mesh.faces)} faces" + (
         f" ({done.source_faces} in the file; {imported.SOURCE_FACES} maps them)"

@@ -166,7 +166,7 @@ def _without_effect(stages: Sequence[SimStage]) -> tuple[str, ...]:
 def _report(config: Config, env: VecEnv, metrics: dict[str, Any]) -> str:
     """Write metrics.json and, if asked for, the policy as others can load it; return how far the training came."""
     warn_of_errors(metrics, env)
-    metrics["recent"] = _rates(metrics["recent"], env.task.RESULTS.values)
+    metrics["recent"] = _rates(metrics["recent"], tuple(env.task.RESULTS.values))
     metrics |= {
         "seed": config.seed,
         "num_envs": config.num_envs,

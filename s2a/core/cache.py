@@ -21,7 +21,7 @@ import numpy as np
 Arrays = dict[str, np.ndarray]
 
 
-class Surface(Protocol):
+class Triangles(Protocol):
     """A triangle mesh, as `s2a.scene.scene.Mesh` is one."""
 
     @property
@@ -32,7 +32,7 @@ class Surface(Protocol):
     def colors(self) -> np.ndarray | None: ...  # noqa: D102
 
 
-Key = Sequence[Surface | np.ndarray | str]
+Key = Sequence[Triangles | np.ndarray | str]
 """What a result depends on, beside the code."""
 LIBRARIES = ("coacd", "vhacdx", "numpy", "scipy", "trimesh", "pyfqmr", "warp-lang", "newton", "usd-core")
 """Those whose version changes what is kept."""

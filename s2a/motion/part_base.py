@@ -107,7 +107,7 @@ def with_base(stage: SimStage, path: ToolPath, spec: RobotSpec, noise: float, se
             search.misses.note(Miss(2, float(depth(starts, 0.0).max()), "reach: the arm starts in something", stand))
         elif search.joined(cell, stand, starts[0], first, depth, "reach", 2) is not None:
             return _based(stage, stand, prepared, spec)
-    raise search.refusal(f"{stage.target!r} cannot be moved so far")
+    raise search.unreachable(f"{stage.target!r} cannot be moved so far")
 
 
 def _is_beside(stand: Stand, part: MovingPart, path: ToolPath, spec: RobotSpec, search: Search) -> bool:

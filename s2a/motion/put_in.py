@@ -91,7 +91,7 @@ class PutTask:
     depth: float
 
 
-class PutInConfig(pick.EndsConfig, Protocol):
+class PutInEnds(pick.EndsConfig, Protocol):
     """The settings of a task that say besides how far the part is opened."""
 
     @property
@@ -126,7 +126,7 @@ class PutStage(PickStage):
 
 
 def read_stage(
-    path: Path, part: str | None, robot: str | None, also: Sequence[str], config: PutInConfig, motion: PlannerConfig
+    path: Path, part: str | None, robot: str | None, also: Sequence[str], config: PutInEnds, motion: PlannerConfig
 ) -> PutStage:
     """Read a room and plan for an object and a part of it, which decides where the robot stands.
 
@@ -245,7 +245,7 @@ class PutPlanner:
             raise self._refusal()
 
     def _refusal(self) -> Unreachable:
-        return self._search.refusal(f"{self._task.target!r} cannot be put into {self._task.part!r} so")
+        return self._search.unreachable(f"{self._task.target!r} cannot be put into {self._task.part!r} so")
 
     def plan(self) -> PutPlan:
         """Return the first plan; Unreachable: there is none."""

@@ -168,7 +168,7 @@ class Search:
         self.misses = Misses()
         self._spec, self._kin, self._seed = spec, kin, seed
 
-    def refusal(self, subject: str) -> Unreachable:
+    def unreachable(self, subject: str) -> Unreachable:
         """Return the error that says what cannot be done, and which base and segment come nearest to it."""
         return Unreachable(f"{subject}: {self.misses.nearest}")
 
@@ -350,9 +350,9 @@ def reached(
         depth = np.full(len(q), np.inf)
         owner = np.repeat(poses, len(grasps) * seeds, axis=0)
         depth[good] = cell.arm_depth(q[good], owner[good], fingers=False)
-        least = depth.reshape(*ok.shape, seeds).min(axis=2)
-        ok &= np.isfinite(least)
-        clear &= least <= SLACK
+        smallest = depth.reshape(*ok.shape, seeds).min(axis=2)
+        ok &= np.isfinite(smallest)
+        clear &= smallest <= SLACK
     _note(left_by, errors, list(places), stands, misses)
     rank = np.cumsum(ok, axis=1) + np.cumsum(ok, axis=0)
     for b, k in sorted(np.argwhere(ok), key=lambda pair: (rank[tuple(pair)], *pair)):

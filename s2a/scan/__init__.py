@@ -17,5 +17,5 @@ def read(path: Path) -> Scene:
     path = Path(path)
     readers = [reader for reader in registry.formats("s2a.scan.formats") if path.is_dir() and reader.recognise(path)]
     if not readers:
-        raise folder.refusal(path)
+        raise folder.no_scan(path)
     return readers[0].read(path)

@@ -92,7 +92,7 @@ def find(path: Path) -> ScanFiles:
     folders = _folders(path)
     parts = [file for folder in folders for file in sorted(folder.glob("[!.]*_parts.json"))]
     if len(parts) != 1:
-        raise refusal(path)
+        raise no_scan(path)
     name = parts[0].name.removesuffix("_parts.json")
     return ScanFiles(
         name=name,
@@ -106,7 +106,7 @@ def find(path: Path) -> ScanFiles:
     )
 
 
-def refusal(path: Path) -> InputError:
+def no_scan(path: Path) -> InputError:
     """Return the error for a path that is not the folder of one scan."""
     if path.is_dir():
         parts = [file for folder in _folders(path) for file in sorted(folder.glob("[!.]*_parts.json"))]

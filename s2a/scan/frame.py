@@ -36,7 +36,7 @@ BELIEVED = (0.02, 15.0)
 """Heights [m] at which a file's own unit is believed: single objects to halls."""
 
 _SAME = 12.0  # deg; a stated axis and a direction of the surface this near are the same
-_SNAP = 1.0  # deg; a direction this near to an axis of the file is that axis: programs that know gravity write it so
+_ALIGNED = 1.0  # deg; a direction this near to an axis of the file is that axis: programs that know gravity write it so
 _TILT = 2.0  # deg; a floor that tilts more is worth a warning
 _RATHER = 3.0  # factor by which the surface alone prefers another direction than the stated, for a warning
 _SURE_BY_CAMERAS = 0.9  # confidence that is enough where the poses of cameras speak, too
@@ -236,7 +236,7 @@ def _undeclared(
     floor = upright.floor_normal(mesh, found[best].up)
     direction = found[best].up if floor is None else floor
     axis = _axis(direction)
-    if _angle(direction, np.array(UP[axis])) < _SNAP:
+    if _angle(direction, np.array(UP[axis])) < _ALIGNED:
         direction = np.array(UP[axis])
     return direction, "by the surface" if cameras is None else "by the surface and the cameras", float(odds[best]), ()
 
@@ -250,7 +250,7 @@ def _odds(found: list[Candidate], stated: np.ndarray | None, belief: float) -> n
         if stated is not None:
             scores[i] += belief * (_angle(candidate.up, stated) < _SAME)
         else:
-            scores[i] += _AXIS * (min(_angle(candidate.up, np.array(UP[axis])) for axis in ("y", "z", "-y")) < _SNAP)
+            scores[i] += _AXIS * (min(_angle(candidate.up, np.array(UP[axis])) for axis in ("y", "z", "-y")) < _ALIGNED)
     powers = np.exp(scores - scores.max())
     odds: np.ndarray = powers / powers.sum()
     return odds
@@ -266,7 +266,7 @@ def _short(direction: np.ndarray) -> str:
     axis = _axis(direction)
     return (
         axis
-        if _angle(direction, np.array(UP[axis])) < _SNAP
+        if _angle(direction, np.array(UP[axis])) < _ALIGNED
         else "[" + ",".join(f"{x + 0.0:.2f}" for x in direction) + "]"
     )
 

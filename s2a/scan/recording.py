@@ -15,7 +15,7 @@ from s2a.core.errors import InputError
 
 KEYFRAMES = "keyframes"
 """Folder in a scan's with the sharp, well spread images of its recording, and their cameras."""
-LEAST = 2
+MIN_FRAMES = 2
 """Frames below which nothing is fused."""
 
 _OPENGL = np.diag(
@@ -45,7 +45,7 @@ class Intrinsics:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class PosedFrame:
     """One posed frame.
 
     Attributes:
@@ -60,7 +60,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Recording:
+class RgbdRecording:
     """Frames of one walk through a room.
 
     Attributes:
@@ -73,7 +73,7 @@ class Recording:
     """
 
     kind: str
-    frames: tuple[Frame, ...]
+    frames: tuple[PosedFrame, ...]
     depth_camera: Intrinsics
     color_camera: Intrinsics
     metres: float
@@ -93,7 +93,7 @@ def recognise(folder: Path) -> bool:
     return _reader(folder) is not None
 
 
-def read(folder: Path) -> Recording:
+def read(folder: Path) -> RgbdRecording:
     """Read which frames a recording holds; images are opened when they are fused.
 
     Raises:
@@ -105,15 +105,17 @@ def read(folder: Path) -> Recording:
     if reader is None:
         raise InputError(f"{folder}: holds no known recording; possible: {_LAYOUTS}")
     recording = reader(folder)
-    if len(recording.frames) < LEAST:
+    if len(recording.frames) < MIN_FRAMES:
         raise InputError(
             f"{folder}: {len(recording.frames)} frames have a valid pose and depth, {recording.lost} have no pose; "
-            f"give a recording of {LEAST} or more"
+            f"give a recording of {MIN_FRAMES} or more"
         )
     return recording
 
 
-def images(recording: Recording, every: int, far: float) -> Iterator[tuple[Frame, np.ndarray, np.ndarray | None]]:
+def images(
+    recording: RgbdRecording, every: int, far: float
+) -> Iterator[tuple[PosedFrame, np.ndarray, np.ndarray | None]]:
     """Yield every so many frames, their depth [m], shape [row column], 0 beyond a distance [m], and their colours, or None.
 
     Raises:
@@ -136,7 +138,7 @@ def images(recording: Recording, every: int, far: float) -> Iterator[tuple[Frame
         yield frame, np.where((raw < 65535) & (depth < far), depth, 0), None if color is None else color[..., :3]
 
 
-def keyframes(recording: Recording, sharpness: np.ndarray, spread: float = 0.35, turn: float = 25.0) -> list[int]:
+def keyframes(recording: RgbdRecording, sharpness: np.ndarray, spread: float = 0.35, turn: float = 25.0) -> list[int]:
     """Return indices of sharp frames that are well spread: the sharpest first, none near to one that is chosen.
 
     Args:
@@ -157,7 +159,7 @@ def keyframes(recording: Recording, sharpness: np.ndarray, spread: float = 0.35,
     return sorted(chosen)
 
 
-def write_keyframes(folder: Path, recording: Recording, chosen: list[int], to_scan: np.ndarray) -> None:
+def write_keyframes(folder: Path, recording: RgbdRecording, chosen: list[int], to_scan: np.ndarray) -> None:
     """Write the colour images of some frames, their cameras and their poses in the scan, into a folder of a scan.
 
     Args:
@@ -199,7 +201,7 @@ def _image(path: Path) -> np.ndarray:
         raise InputError(f"{path}: damaged or no image ({' '.join(str(error).split())[:80]})") from error
 
 
-def _reader(folder: Path) -> Callable[[Path], Recording] | None:
+def _reader(folder: Path) -> Callable[[Path], RgbdRecording] | None:
     """Return the reader of a folder's layout."""
     if next(folder.glob("frame-*.depth.png"), None):
         return _seven_scenes
@@ -210,7 +212,7 @@ def _reader(folder: Path) -> Callable[[Path], Recording] | None:
     return None
 
 
-def _seven_scenes(folder: Path) -> Recording:
+def _seven_scenes(folder: Path) -> RgbdRecording:
     """Read frames as 7-Scenes, BundleFusion and tsdf-fusion-python name them: depth in mm, 65535 or 0 where there is none."""
     depths = sorted(folder.glob("frame-*.depth.png"))
     stems = [path.name.removesuffix(".depth.png") for path in depths]
@@ -220,7 +222,7 @@ def _seven_scenes(folder: Path) -> Recording:
     return _recording("7-Scenes", depths, colors, poses, camera, camera, 0.001)
 
 
-def _scannet(folder: Path) -> Recording:
+def _scannet(folder: Path) -> RgbdRecording:
     """Read frames as ScanNet's SensReader exports them: depth in mm, poses of minus infinity where tracking was lost."""
     depths = sorted(folder.glob("depth/*.png"), key=lambda path: _number(path.stem))
     poses = [_pose(folder / "pose" / f"{path.stem}.txt") for path in depths]
@@ -230,7 +232,7 @@ def _scannet(folder: Path) -> Recording:
     return _recording("ScanNet", depths, colors, poses, camera, _camera(color) if color.is_file() else camera, 0.001)
 
 
-def _nerfstudio(folder: Path) -> Recording:
+def _nerfstudio(folder: Path) -> RgbdRecording:
     """Read transforms.json: one camera for all frames, which look along -z, with depth images in mm."""
     path = folder / "transforms.json"
     try:
@@ -263,11 +265,11 @@ def _recording(
     depth_camera: Intrinsics,
     color_camera: Intrinsics,
     metres: float,
-) -> Recording:
+) -> RgbdRecording:
     """Return the recording of the frames that have a pose."""
     found = zip(depths, colors, poses, strict=True)
-    frames = tuple(Frame(depth, color, pose) for depth, color, pose in found if pose is not None)
-    return Recording(kind, frames, depth_camera, color_camera, metres, len(poses) - len(frames))
+    frames = tuple(PosedFrame(depth, color, pose) for depth, color, pose in found if pose is not None)
+    return RgbdRecording(kind, frames, depth_camera, color_camera, metres, len(poses) - len(frames))
 
 
 def _pose(path: Path) -> np.ndarray | None:

@@ -89,8 +89,8 @@ def joined(parts: list[SourceMesh], stated: Stated) -> SourceMesh:
 
 
 def colored(vertices: np.ndarray, faces: np.ndarray, colors: np.ndarray | None, stated: Stated) -> SourceMesh:
-    """Return a mesh without textures, of vertices [vertex 3], faces [face 3] and RGB of the vertices, 0 to 255, or None."""
-    corners = np.full((len(faces), 3, 3), np.nan, np.float32) if colors is None else colors[faces].astype(np.float32)
+    """Return a mesh without textures, of vertices [vertex 3], faces [face 3] and sRGB of the vertices, 0 to 255, or None."""
+    corners = np.full((len(faces), 3, 3), np.nan, np.float32) if colors is None else to_linear(colors[faces] / 255)
     uv, material = np.full((len(faces), 3, 2), np.nan), np.full(len(faces), -1)
     return SourceMesh(vertices.astype(np.float64), faces.astype(np.int64), uv, corners, material, (), stated)
 

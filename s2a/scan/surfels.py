@@ -15,7 +15,7 @@ DIVISIONS = 128
 _TAIL = 0.005  # fraction of the points beyond either end of an extent: strays of a reconstruction
 _SEEDS = 500  # normals from which directions are searched
 _LIMIT = 10  # directions at most
-_LEAST = 0.02  # fraction of the surface that faces a direction
+_MIN_FACING = 0.02  # fraction of the surface that faces a direction
 _SMOOTH = 0.97  # length of the mean normal in three cells of a plane, shelf or front
 
 
@@ -120,7 +120,7 @@ def directions(surface: Surfels) -> np.ndarray:
     seeds = normals[np.searchsorted(total, (np.arange(_SEEDS) + 0.5) / _SEEDS * total[-1]).clip(0, len(weights) - 1)]
     mass = (np.abs(seeds @ normals.T) > cos(10)) @ weights
     axes: list[np.ndarray] = []
-    left = mass > _LEAST
+    left = mass > _MIN_FACING
     while left.any() and len(axes) < _LIMIT:
         seed = int(np.argmax(np.where(left, mass, -1.0)))
         axis = _refined(surface, seeds[seed])

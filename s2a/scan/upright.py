@@ -42,7 +42,7 @@ CORRECTED = 15.0
 _SIDE = 12.0  # deg; a surfel faces along or across a direction within this angle
 _LEVEL = 18.0  # deg; a surfel is level within this angle
 _WALLS = 25.0  # deg; rough walls face inwards within this angle
-_SHELL = 0.06  # fraction of an extent at either end in which floor, ceiling and walls lie
+_RIM = 0.06  # fraction of an extent at either end in which floor, ceiling and walls lie
 _DEPTHS = (0.06, 0.12)  # fractions of an extent at either end that are cut off to part objects
 _PLANE = 0.02  # fraction of the surface in one plane that makes it a wall, a floor or a large front
 _COMPONENT = 8e-4  # fraction of the surface from which on a component is an object
@@ -180,7 +180,7 @@ def _shell(surface: Surfels, axes: np.ndarray) -> np.ndarray:
     shell = np.zeros(len(surface.points), bool)
     for axis in np.concatenate([axes, -axes]):
         low, high = surface.extent(axis)
-        near = surface.points @ axis < low + max(2.5 * surface.cell, _SHELL * (high - low))
+        near = surface.points @ axis < low + max(2.5 * surface.cell, _RIM * (high - low))
         shell |= near & (surface.normals @ axis > cos(_WALLS))
     return shell
 

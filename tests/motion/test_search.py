@@ -152,7 +152,7 @@ def test_a_base_from_which_nothing_is_followed_has_its_own_reason() -> None:
     assert set(reasons) == {"near", "far"}
     assert "handle: the arm reaches 30 mm into a wall" in str(reasons["near"])
     assert "handle: the arm cannot reach" in str(reasons["far"])
-    assert str(search.refusal("the drawer")) == "the drawer: handle: the arm reaches 30 mm into a wall (base near)"
+    assert str(search.unreachable("the drawer")) == "the drawer: handle: the arm reaches 30 mm into a wall (base near)"
 
 
 def test_a_base_that_is_turned_has_the_paths_of_the_one_that_is_not() -> None:

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan import gltf_looks
+from s2a.scan import gltf_materials
 from s2a.scan.gltf_file import GltfFile
-from s2a.scan.gltf_looks import Looks
+from s2a.scan.gltf_materials import GltfMaterials
 from s2a.scan.source import SourceMesh, Stated, joined
 
 _log = logging.getLogger(__name__)
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 NAME = "glTF"
 ENDINGS = (".glb", ".gltf")
 INSTANCES, VISIBILITY, DRACO = "EXT_mesh_gpu_instancing", "KHR_node_visibility", "KHR_draco_mesh_compression"
-READ = {"KHR_mesh_quantization", INSTANCES, VISIBILITY, "KHR_accessor_float64", *gltf_looks.READ}
+READ = {"KHR_mesh_quantization", INSTANCES, VISIBILITY, "KHR_accessor_float64", *gltf_materials.READ}
 """Extensions that are read; of others a file may say that it needs them, and is refused then."""
 HARMLESS = tuple(
     "KHR_materials_ KHR_lights_ KHR_xmp KHR_animation_ KHR_node_ KHR_audio KHR_physics CESIUM_RTC EXT_mesh_features "
@@ -75,7 +75,7 @@ class _Reader:
 
     def __init__(self, file: GltfFile) -> None:
         self._file, self._lost = file, Counter[str]()
-        self._looks = Looks(file)
+        self._looks = GltfMaterials(file)
         self._world = dict(self._placed())
 
     def parts(self) -> Iterator[SourceMesh]:

@@ -14,7 +14,7 @@ from pxr import Usd, UsdGeom, UsdShade
 from s2a.core.errors import InputError
 from s2a.scan.polygons import triangulate
 from s2a.scan.source import Material, SourceMesh, Stated, joined
-from s2a.scan.usd_looks import Look, Looks
+from s2a.scan.usd_materials import Appearance, UsdMaterials
 from s2a.scan.usd_shapes import Polygons, polygons
 from s2a.scene.usd.stage import reading, refuse_deep
 
@@ -78,7 +78,7 @@ class _Reader:
         timed = stage.HasAuthoredTimeCodeRange()
         self._time = Usd.TimeCode(stage.GetStartTimeCode()) if timed else Usd.TimeCode.EarliestTime()
         self._cache, self._lost = UsdGeom.XformCache(self._time), Counter[str]()
-        self._looks = Looks(path, self._time)
+        self._looks = UsdMaterials(path, self._time)
         self._local: dict[str, SourceMesh | None] = {}
 
     @property
@@ -210,25 +210,27 @@ class _Reader:
         values = _Primvars(self._path, prim, shape, self._time)
         for number in np.unique(owner[polygon]):
             mine = owner[polygon] == number
-            _, look = self._looks.of(owners[number])
-            if look is None:
+            _, appearance = self._looks.of(owners[number])
+            if appearance is None:
                 colors[mine] = values.at(corners[mine], polygon[mine], "displayColor", 3)
                 continue
             material[mine] = len(materials)
-            materials.append(look.material)
-            if look.primvar is not None:
-                colors[mine] = values.at(corners[mine], polygon[mine], look.primvar, 3)
-            if look.material.texture is not None:
-                uv[mine] = self._coordinates(values, look, corners[mine], polygon[mine])
+            materials.append(appearance.material)
+            if appearance.primvar is not None:
+                colors[mine] = values.at(corners[mine], polygon[mine], appearance.primvar, 3)
+            if appearance.material.texture is not None:
+                uv[mine] = self._coordinates(values, appearance, corners[mine], polygon[mine])
         return SourceMesh(
             shape.points, shape.indices[corners], uv, np.clip(colors, 0, 1), material, tuple(materials), Stated()
         )
 
-    def _coordinates(self, values: _Primvars, look: Look, corners: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+    def _coordinates(
+        self, values: _Primvars, appearance: Appearance, corners: np.ndarray, polygon: np.ndarray
+    ) -> np.ndarray:
         """Return texture coordinates, shape [face 3 2], NaN where there are none, which is counted."""
-        uv = look.placed(values.at(corners, polygon, look.coordinates, 2))
+        uv = appearance.placed(values.at(corners, polygon, appearance.coordinates, 2))
         if lost := int(np.isnan(uv).any(axis=(1, 2)).sum()):
-            self._lost[f"faces have a texture and no coordinates {look.coordinates!r}; they become white"] += lost
+            self._lost[f"faces have a texture and no coordinates {appearance.coordinates!r}; they become white"] += lost
         return uv
 
 

@@ -101,9 +101,9 @@ def _fuse(
 
 
 @wp.kernel
-def _average(least: float, weight: wp.array(dtype=float), distance: wp.array(dtype=float)):
+def _average(min_weight: float, weight: wp.array(dtype=float), distance: wp.array(dtype=float)):
     tid = wp.tid()
-    if weight[tid] > least:
+    if weight[tid] > min_weight:
         distance[tid] = distance[tid] / weight[tid]
     else:
         distance[tid] = UNKNOWN
@@ -153,10 +153,12 @@ class DepthFusion:
 
         in_parallel(part, chunks(len(field.weight)))
 
-    def surface(self, least: float) -> Mesh:
+    def surface(self, min_weight: float) -> Mesh:
         """Return the coloured surface; what was measured with less than some weight [1/m^2] is left out."""
         field = self._field
-        wp.launch(_average, len(field.weight), inputs=[least, field.weight], outputs=[field.distance], device="cpu")
+        wp.launch(
+            _average, len(field.weight), inputs=[min_weight, field.weight], outputs=[field.distance], device="cpu"
+        )
         net = extract(field)
         painted = self._painted.numpy()[net.cells, None]
         colors = self._paint.numpy()[net.cells] / np.maximum(painted, 1e-9)

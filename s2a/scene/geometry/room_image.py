@@ -26,7 +26,7 @@ _LENGTH = 0.3  # of the room's diagonal
 _THICK = 0.02  # of an axis's length
 
 
-def draw(room: Mesh) -> np.ndarray:
+def room_image(room: Mesh) -> np.ndarray:
     """Return an RGB image, shape [row column 3], uint8, of a room with z up; x is red, y green, z blue.
 
     The camera stands on the side from which most surfaces were scanned; the axes meet in the lowest corner before it.

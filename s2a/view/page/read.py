@@ -15,7 +15,7 @@ from s2a.scene.geometry.mesh_ops import keep
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimBody, SimRoom, in_scene
-from s2a.view.page.room import Extra, PagePart, PageRoom, Stand
+from s2a.view.page.room import Extra, PagePart, PageRoom, RobotStand
 
 THINNEST = 1e-3
 """[m] Of a box that is shown."""
@@ -133,7 +133,7 @@ def _static(room: SimRoom) -> dict[str, Mesh]:
     return {part: keep(visual, those) for part, those in faces.items() if len(those)}
 
 
-def _stands(room: SimRoom) -> Iterator[Stand]:
+def _stands(room: SimRoom) -> Iterator[RobotStand]:
     """Yield where robots stand whose sizes a file of conf/robot tells."""
     for part, articulation in room.articulations.items():
         for robot, base in articulation.bases.items():
@@ -141,7 +141,7 @@ def _stands(room: SimRoom) -> Iterator[Stand]:
                 size = config.file(f"robot/{robot}")["base"]
                 foot = np.array(base.position)
                 shoulder = foot + [0.0, 0.0, size["shoulder_height"]]
-                yield Stand(part, foot, shoulder, size["reach"], size["radius"], base.free)
+                yield RobotStand(part, foot, shoulder, size["reach"], size["radius"], base.free)
 
 
 def _described_mover(parts: Mapping[str, DescribedPart], part: str | None) -> str | None:

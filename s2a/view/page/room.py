@@ -62,7 +62,7 @@ class Extra:
 
 
 @dataclass(frozen=True)
-class Stand:
+class RobotStand:
     """Where a robot stands to open a part.
 
     Attributes:
@@ -106,7 +106,7 @@ class PageRoom:
     boxes: bool = False
     notes: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     inserted: tuple[str, ...] = ()
-    stands: tuple[Stand, ...] = ()
+    stands: tuple[RobotStand, ...] = ()
 
     @cached_property
     def joints(self) -> dict[str, Joint]:

@@ -35,7 +35,7 @@ READERS = ("UsdPrimvarReader_float3", "UsdPrimvarReader_float4", "ND_geompropval
 
 
 @dataclass(frozen=True)
-class Look:
+class Appearance:
     """What a material makes of a mesh.
 
     Attributes:
@@ -61,22 +61,22 @@ class Look:
         return moved
 
 
-class Looks:
+class UsdMaterials:
     """The materials of a stage, each read once."""
 
     def __init__(self, path: Path, time: Usd.TimeCode) -> None:
         self._path, self._time = path, time
-        self._known: dict[str, Look | None] = {}
+        self._known: dict[str, Appearance | None] = {}
 
-    def of(self, prim: Usd.Prim) -> tuple[bool, Look | None]:
-        """Return whether a prim (a mesh or a subset of its faces) has a material, and its look; None where it cannot be read."""
+    def of(self, prim: Usd.Prim) -> tuple[bool, Appearance | None]:
+        """Return whether a prim (a mesh, a subset of faces) has a material, and its appearance; None where it cannot be read."""
         binding = UsdShade.MaterialBindingAPI(prim)
         bound = next((found for use in ("full", "preview") if (found := binding.ComputeBoundMaterial(use)[0])), None)
         if bound is None:
             return False, None
         key = str(bound.GetPath())
         if key not in self._known:
-            self._known[key] = self._look(bound)
+            self._known[key] = self._appearance(bound)
             if self._known[key] is None:
                 _log.warning(
                     "%s: the material %s has no base colour that is read; its faces show their own colours, or grey",
@@ -85,12 +85,12 @@ class Looks:
                 )
         return True, self._known[key]
 
-    def _look(self, material: UsdShade.Material) -> Look | None:
+    def _appearance(self, material: UsdShade.Material) -> Appearance | None:
         for context in CONTEXTS:
             shader = material.ComputeSurfaceSource(context)[0]
-            if shader and (look := self._surface(shader)) is not None:
+            if shader and (appearance := self._surface(shader)) is not None:
                 self._warn_of_transparency(shader)
-                return look
+                return appearance
         return None
 
     def _warn_of_transparency(self, shader: UsdShade.Shader) -> None:
@@ -99,33 +99,33 @@ class Looks:
         if value is not None and float(value) < 1:
             _log.warning("%s: the material of %s is transparent, and becomes opaque", self._path, shader.GetPath())
 
-    def _surface(self, shader: UsdShade.Shader) -> Look | None:
-        """Return the look of a surface shader: its image, or else its colour, times its factors."""
-        look = next((found for name in TEXTURES if (found := self._image_input(shader, name))), None)
-        if look is not None:
-            look = self._moved_by_mdl(shader, look)
-        for name in COLORS if look is None else ():
+    def _surface(self, shader: UsdShade.Shader) -> Appearance | None:
+        """Return the appearance of a surface shader: its image, or else its colour, times its factors."""
+        appearance = next((found for name in TEXTURES if (found := self._image_input(shader, name))), None)
+        if appearance is not None:
+            appearance = self._moved_by_mdl(shader, appearance)
+        for name in COLORS if appearance is None else ():
             slot = shader.GetInput(name)
-            if slot and (look := self._color(slot)) is not None:
+            if slot and (appearance := self._color(slot)) is not None:
                 break
-        if look is None and str(shader.GetIdAttr().Get()) == "UsdPreviewSurface":
-            look = Look(Material(np.full(3, 0.18)))  # the specification's own default
-        if look is None:
+        if appearance is None and str(shader.GetIdAttr().Get()) == "UsdPreviewSurface":
+            appearance = Appearance(Material(np.full(3, 0.18)))  # the specification's own default
+        if appearance is None:
             return None
-        if look.material.texture is None and look.primvar is None and not look.material.color.any():
+        if appearance.material.texture is None and appearance.primvar is None and not appearance.material.color.any():
             glow = shader.GetInput("emissiveColor")  # some capture apps bake a room's light into emission
-            look = (self._color(glow) if glow else None) or look
+            appearance = (self._color(glow) if glow else None) or appearance
         factor = np.ones(3)
         for name in FACTORS:
             slot = shader.GetInput(name)
             value = slot.Get(self._time) if slot and not slot.HasConnectedSource() else None
             factor = factor * (1.0 if value is None else np.array(value, dtype=np.float64).ravel()[:3])
-        if look.material is PLAIN or (factor == 1).all():
-            return look
-        return replace(look, material=replace(look.material, color=look.material.color * factor))
+        if appearance.material is PLAIN or (factor == 1).all():
+            return appearance
+        return replace(appearance, material=replace(appearance.material, color=appearance.material.color * factor))
 
-    def _color(self, slot: UsdShade.Input) -> Look | None:
-        """Return the look of a colour input: a value, a texture or a primvar; None for a network that is not read."""
+    def _color(self, slot: UsdShade.Input) -> Appearance | None:
+        """Return the appearance of a colour input: a value, a texture or a primvar; None for a network that is not read."""
         produced = slot.GetValueProducingAttributes()
         for attribute in produced:
             source = UsdShade.Shader(attribute.GetPrim())
@@ -137,43 +137,45 @@ class Looks:
                     return self._image(source.GetInput("file"), source.GetInput("texcoord"))
                 if kind in READERS:
                     name = self._value(source, "varname") or self._value(source, "geomprop") or "displayColor"
-                    return Look(Material(np.ones(3)), primvar=str(name))
+                    return Appearance(Material(np.ones(3)), primvar=str(name))
                 return None
             value = attribute.Get(self._time)
-            return None if value is None else Look(Material(np.array(value, dtype=np.float64)[:3]))
+            return None if value is None else Appearance(Material(np.array(value, dtype=np.float64)[:3]))
         return None
 
-    def _texture(self, source: UsdShade.Shader) -> Look:
-        """Return the look of a UsdUVTexture."""
-        look = self._image(
+    def _texture(self, source: UsdShade.Shader) -> Appearance:
+        """Return the appearance of a UsdUVTexture."""
+        appearance = self._image(
             source.GetInput("file"), source.GetInput("st"), str(self._value(source, "sourceColorSpace") or "auto")
         )
-        if look.material is PLAIN or look.material.texture is None:
-            return look
+        if appearance.material is PLAIN or appearance.material.texture is None:
+            return appearance
         wrap = tuple(WRAPS.get(str(self._value(source, name)), REPEAT) for name in ("wrapS", "wrapT"))
         scale, bias = (self._value(source, name) for name in ("scale", "bias"))
         color = np.ones(3) if scale is None else np.array(scale, dtype=np.float64)[:3]
-        image = look.material.texture
+        image = appearance.material.texture
         if bias is not None and any(bias[:3]):
             image, color = to_bytes(to_linear(image) * color + np.array(bias, dtype=np.float64)[:3]), np.ones(3)
-        return replace(look, material=Material(color, image, (wrap[0], wrap[1])))
+        return replace(appearance, material=Material(color, image, (wrap[0], wrap[1])))
 
-    def _image_input(self, shader: UsdShade.Shader, name: str) -> Look | None:
-        """Return the look of an MDL shader's image, if it names one."""
+    def _image_input(self, shader: UsdShade.Shader, name: str) -> Appearance | None:
+        """Return the appearance of an MDL shader's image, if it names one."""
         value: Any = self._value(shader, name)
         return self._image(shader.GetInput(name), None) if value is not None and value.path else None
 
-    def _image(self, slot: UsdShade.Input | None, coordinates: UsdShade.Input | None, space: str = "auto") -> Look:
-        """Return the look of an image, also one inside of a USDZ file; grey, and a warning, if it cannot be read."""
+    def _image(
+        self, slot: UsdShade.Input | None, coordinates: UsdShade.Input | None, space: str = "auto"
+    ) -> Appearance:
+        """Return the appearance of an image, also one inside of a USDZ file; grey, and a warning, if it cannot be read."""
         asset: Any = None
         for attribute in slot.GetValueProducingAttributes() if slot else ():
             asset = attribute.Get(self._time)
             space = str(attribute.GetColorSpace()) if space == "auto" and attribute.HasColorSpace() else space
         image = self._read(asset)
         if image is None:
-            return Look(PLAIN)
+            return Appearance(PLAIN)
         material = Material(np.ones(3), to_bytes(image / 255.0) if space in RAW else image)
-        return self._coordinates(coordinates, Look(material)) if coordinates else Look(material)
+        return self._coordinates(coordinates, Appearance(material)) if coordinates else Appearance(material)
 
     def _read(self, asset: Any) -> np.ndarray | None:
         name = str(asset.path) if asset else ""
@@ -187,38 +189,38 @@ class Looks:
         _log.warning("%s: the texture %s is missing; its faces become grey", self._path, name)
         return None
 
-    def _coordinates(self, slot: UsdShade.Input, look: Look) -> Look:
-        """Return a look with the primvar that its texture reads coordinates from, and what moves them on the way."""
+    def _coordinates(self, slot: UsdShade.Input, appearance: Appearance) -> Appearance:
+        """Return a appearance with the primvar that its texture reads coordinates from, and what moves them on the way."""
         for _ in range(8):  # transforms in a row
             produced = slot.GetValueProducingAttributes()
             reader = UsdShade.Shader(produced[0].GetPrim()) if produced else None
             kind = str(reader.GetIdAttr().Get() or "") if reader else ""
             if reader and kind == "UsdTransform2d":
                 scale, turn, offset = (self._value(reader, name) for name in ("scale", "rotation", "translation"))
-                inner = Look(
-                    look.material,
+                inner = Appearance(
+                    appearance.material,
                     scale=np.ones(2) if scale is None else np.array(scale, dtype=np.float64),
                     turn=math.radians(float(turn or 0.0)),
                     offset=np.zeros(2) if offset is None else np.array(offset, dtype=np.float64),
                 )
-                look = replace(inner, coordinates=look.coordinates)
+                appearance = replace(inner, coordinates=appearance.coordinates)
                 following = reader.GetInput("in")
                 if not following:
-                    return look
+                    return appearance
                 slot = following
                 continue
             name = (self._value(reader, "varname") or self._value(reader, "geomprop")) if reader else None
-            return replace(look, coordinates=str(name)) if name else look
-        return look
+            return replace(appearance, coordinates=str(name)) if name else appearance
+        return appearance
 
-    def _moved_by_mdl(self, shader: UsdShade.Shader, look: Look) -> Look:
-        """Return a look with OmniPBR's own transform of coordinates."""
+    def _moved_by_mdl(self, shader: UsdShade.Shader, appearance: Appearance) -> Appearance:
+        """Return a appearance with OmniPBR's own transform of coordinates."""
         scale, turn, offset = (self._value(shader, f"texture_{name}") for name in ("scale", "rotate", "translate"))
         return replace(
-            look,
-            scale=look.scale if scale is None else np.array(scale, dtype=np.float64),
+            appearance,
+            scale=appearance.scale if scale is None else np.array(scale, dtype=np.float64),
             turn=math.radians(float(turn or 0.0)),
-            offset=look.offset if offset is None else np.array(offset, dtype=np.float64),
+            offset=appearance.offset if offset is None else np.array(offset, dtype=np.float64),
         )
 
     def _value(self, shader: UsdShade.Shader, name: str) -> Any:

@@ -19,7 +19,7 @@ READ = (TRANSFORM, GLOSS, *IMAGES)
 WRAPS: dict[int | None, str] = {33071: CLAMP, 33648: MIRROR, 10497: REPEAT}
 
 
-class Looks:
+class GltfMaterials:
     """What a file's primitives look like.
 
     Attributes:

@@ -109,7 +109,7 @@ def find_base(
     opening = opening_coordinate(joint, point, config.opening)
     poses = part_path(joint, np.array([*grasp.point, *grasp.orientation]), config.approach, opening).poses
     near = Obstacles.of_scan(scene, point, config.query_radius)
-    surroundings = BaseObstacles(near, near.without(moving), shape)
+    surroundings = ScannedSurfaces(near, near.without(moving), shape)
     ground = Ground(scene, target, point, near, swept, config, robot)
     search = Search(robot, shape.kin)
     preferred = next(iter(ground.places()))
@@ -136,7 +136,7 @@ def find_base(
 def _groups(
     places: Iterator[Stand],
     ground: Ground,
-    surroundings: BaseObstacles,
+    surroundings: ScannedSurfaces,
     first: np.ndarray,
     search: Search,
     follow: Callable[[Sequence[Stand]], Follow],
@@ -187,7 +187,7 @@ def _chosen(stand: Stand, reason: str, free: bool) -> BasePose:
 
 
 @dataclass(frozen=True)
-class BaseObstacles:
+class ScannedSurfaces:
     """The scanned surfaces around a handle, and what of a robot collides with them.
 
     Attributes:

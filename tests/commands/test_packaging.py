@@ -59,7 +59,7 @@ def test_the_wheel_works_away_from_the_checkout_with_its_values(tmp_path: Path):
     subprocess.run([*install, str(next(tmp_path.glob("s2a-*.whl")))], check=True)
     # The rest of what is installed here, without the checkout, which only a .pth file inside it would add.
     (site / "rest.pth").write_text("\n".join(path for path in sys.path if path.endswith("site-packages")))
-    code = "import s2a; from s2a import config; print(s2a.__file__); print(config.compose('train')['reward'])"
+    code = "import s2a; from s2a.core import config; print(s2a.__file__); print(config.compose('train')['reward'])"
     python = tmp_path / "venv" / "bin" / "python"
     alone = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     output = subprocess.check_output([python, "-c", code], cwd=tmp_path, text=True, env=alone).splitlines()

@@ -24,7 +24,7 @@ def work(shared, item):
 """Works for minutes, after it wrote a file named by its process."""
 SCRIPT = """
 import os, sys
-from s2a.core import terminal, workers
+from s2a.core import progress as terminal, workers
 from work import work
 
 os.sched_getaffinity = lambda pid: {0, 1, 2, 3}
@@ -85,7 +85,7 @@ def test_a_script_without_a_guard_runs_once(tmp_path: Path) -> None:
     runs.mkdir()
     script.write_text(
         f"import operator, os\nopen({str(runs)!r} + f'/{{os.getpid()}}', 'w').close()\n"
-        "from s2a import workers\nos.sched_getaffinity = lambda pid: {0, 1, 2}\n"
+        "from s2a.core import workers\nos.sched_getaffinity = lambda pid: {0, 1, 2}\n"
         "assert list(workers.spread(operator.mul, 3, range(9))) == [3 * k for k in range(9)]\n"
     )
     subprocess.run([sys.executable, str(script)], check=True)

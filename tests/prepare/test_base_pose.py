@@ -20,7 +20,7 @@ from s2a.motion.obstacles import Obstacles
 from s2a.motion.open import joint_paths, opening_path
 from s2a.motion.search import Stand
 from s2a.motion.settings import PlannerConfig
-from s2a.prepare.base_pose import BaseConfig, BaseObstacles, BasePose, find_base
+from s2a.prepare.base_pose import BaseConfig, BasePose, ScannedSurfaces, find_base
 from s2a.prepare.grasp import find_grasp, floor_height
 from s2a.prepare.room import PrepareConfig, prepare
 from s2a.robot.collision import robot_shape
@@ -163,10 +163,10 @@ def test_the_arm_turns_to_the_handle_without_touching_anything() -> None:
     room = with_block(low, high, Scene("room", {}))
     near, nothing = (Obstacles.of_scan(room, np.array([x, 0.0, 0.0]), 1.6) for x in (0.0, 50.0))
     around, still, stand = np.stack([turned, turned]), np.stack([home, home]), Stand(np.eye(4))
-    depth, problem = BaseObstacles(near, near, shape).meets(stand, around)
+    depth, problem = ScannedSurfaces(near, near, shape).meets(stand, around)
     assert 0.005 < depth < 0.2 and problem == "block_99 on its path to the handle"
-    assert BaseObstacles(nothing, nothing, shape).meets(stand, around)[0] == 0.0
-    assert BaseObstacles(near, near, shape).meets(stand, still)[0] == 0.0
+    assert ScannedSurfaces(nothing, nothing, shape).meets(stand, around)[0] == 0.0
+    assert ScannedSurfaces(near, near, shape).meets(stand, still)[0] == 0.0
 
 
 def test_where_no_place_is_free_the_stage_says_so() -> None:

@@ -97,17 +97,6 @@ def test_damaged_settings_of_a_policy_are_one_line(run: Path, text: str) -> None
     assert "\n" not in str(refused.value)
 
 
-def test_a_policy_of_earlier_names_is_read_as_it_was_trained(run: Path) -> None:
-    old = {"num_steps_per_env": "steps", "num_learning_epochs": "epochs", "num_mini_batches": "mini_batches"}
-    old |= {"hidden_dims": "hidden", "cuda_graph": "graph", "torch_compile_mode": "compile", "clip_param": "clip"}
-    now, text = load_policy(CountingEnv(), run / "model_0.pt"), (run / "policy.json").read_text()
-    for new, name in old.items():
-        text = text.replace(f'"{new}"', f'"{name}"')
-    (run / "policy.json").write_text(text)
-    seen = torch.randn(2, 23, generator=torch.Generator().manual_seed(0))
-    assert torch.equal(load_policy(CountingEnv(), run / "model_0.pt")(seen), now(seen))
-
-
 class Scored(CountingEnv):
     """An environment whose episodes succeed as told."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -49,14 +48,6 @@ def out(tmp_path: Path) -> Path:
 def test_what_changes_nothing_that_is_learned_may_change(out: Path, values: dict[str, Any]) -> None:
     run_folder.keep_settings(values, out)
     run_folder.keep_settings(VALUES, out)
-
-
-def test_a_run_with_keys_that_were_renamed_since_goes_on(tmp_path: Path) -> None:
-    old = {key: value for key, value in VALUES.items() if key not in ("num_envs", "ppo")}
-    old |= {"worlds": 4, "policy": {"gamma": 0.99, "iterations": 3, "hidden": (16, 8)}}
-    (tmp_path / run_folder.SETTINGS).write_text(json.dumps(old))
-    run_folder.keep_settings(VALUES, tmp_path)
-    assert json.loads((tmp_path / run_folder.SETTINGS).read_text())["num_envs"] == 4
 
 
 @pytest.mark.parametrize(

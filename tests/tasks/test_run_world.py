@@ -24,17 +24,6 @@ def test_a_checkpoint_brings_the_world_it_was_trained_in(tmp_path: Path) -> None
     assert read_world(tmp_path / "model_1.pt") == (sim, task)
 
 
-def test_a_run_with_keys_that_were_renamed_since_is_read(tmp_path: Path) -> None:
-    sim, task = load(SimConfig, "sim/planner"), task_settings()
-    write_world(sim, task, tmp_path)
-    text = (tmp_path / "world.json").read_text()
-    for now, old in (("load_static_colliders", "room"), ("contact_force", "touch_force"), ("termination", "end")):
-        text = text.replace(now, old)
-    assert {"room", "dt"} <= set(json.loads(text)["sim"])
-    (tmp_path / "world.json").write_text(text)
-    assert read_world(tmp_path / "model_1.pt") == (sim, task)
-
-
 def test_a_run_from_before_drives_is_read_without_them(tmp_path: Path) -> None:
     sim = load(SimConfig, "sim/real")
     assert sim.limits and sim.limits.drives

@@ -135,6 +135,6 @@ def _settings(file: Path) -> PpoConfig:
         values = json.loads(file.read_text())
         added = {key.removeprefix("ppo."): value for key, value in ADDED.items() if key.startswith("ppo.")}
         trained = config.load(PpoConfig, added | values)
-    except (OSError, ValueError, AttributeError, InputError) as error:
+    except (OSError, ValueError, AttributeError, TypeError, InputError) as error:
         raise InputError(f"{file}: not what s2a train writes ({error}); train again") from error
     return replace(trained, cuda_graph=False, torch_compile_mode=None, fused_adam=False)

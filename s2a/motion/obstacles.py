@@ -1,4 +1,4 @@
-"""What a robot can run into: the solid hulls of a simulation-ready room, or the surfaces of a scan."""
+"""Obstacles of a robot: the solid hulls of a simulation-ready room, or the surfaces of a scan."""
 
 from __future__ import annotations
 

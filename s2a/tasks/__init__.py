@@ -1,4 +1,4 @@
-"""What robots do: one file a task, found by its name or by its path."""
+"""Tasks: the vectorised environment, and one file a task, found by its name or by its path."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a policy is told of a part, as numbers in the robot's base frame: the truth of a stage, or an estimate."""
+"""A part as a policy observes it: numbers in the robot's base frame, of the truth of a stage or of an estimate."""
 
 from __future__ import annotations
 

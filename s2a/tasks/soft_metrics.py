@@ -1,4 +1,4 @@
-"""Whether a soft body was carried to its place, from what was recorded of an episode in every control step."""
+"""Metrics of a carried soft body, from the recording of an episode in every control step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where episodes start: at home, or on a demonstration: on the way to the handle, in the grasp, the part already moved."""
+"""Starts of episodes: home, or a point of a demonstration: on the way to the handle, in the grasp, the part already moved."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 from collections.abc import Sequence

@@ -19,7 +19,7 @@ from s2a.core.bounds import NotNegative, Positive
 from s2a.core.progress import track
 from s2a.core.workers import chunks, in_parallel
 from s2a.homes.panorama import View, direction_pixel, pixel_direction
-from s2a.scene.geometry.surface_nets import UNKNOWN, Field, voxel_place
+from s2a.scene.geometry.surface_nets import UNKNOWN, Field, mark_blocks, voxel_place
 
 
 @dataclass(frozen=True)
@@ -55,13 +55,7 @@ def _mark(
     if ranges[tid] <= 0.0:
         return
     p = scanner + ranges[tid] * pixel_direction(tangents, tangents.shape[0], tid) - origin
-    for axis in range(3):
-        if p[axis] < 2.0 * block + reach or p[axis] > float(table.shape[axis] - 2) * block - reach:
-            return
-    for i in range(int((p[0] - reach) / block), int((p[0] + reach) / block) + 1):
-        for j in range(int((p[1] - reach) / block), int((p[1] + reach) / block) + 1):
-            for k in range(int((p[2] - reach) / block), int((p[2] + reach) / block) + 1):
-                table[i, j, k] = 1
+    mark_blocks(p, block, reach, table)
 
 
 @wp.kernel

@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from s2a.core.workers import chunks, in_parallel
-from s2a.scene.geometry.surface_nets import UNKNOWN, Field, extract, voxel_place
+from s2a.scene.geometry.surface_nets import UNKNOWN, Field, extract, mark_blocks, voxel_place
 from s2a.scene.scene import Mesh
 
 GREY = 170
@@ -47,13 +47,7 @@ class Image:
 @wp.kernel
 def _mark(points: wp.array(dtype=wp.vec3), origin: wp.vec3, block: float, reach: float, table: wp.array3d(dtype=int)):
     p = points[wp.tid()] - origin
-    for axis in range(3):
-        if p[axis] < 2.0 * block + reach or p[axis] > float(table.shape[axis] - 2) * block - reach:
-            return
-    for i in range(int((p[0] - reach) / block), int((p[0] + reach) / block) + 1):
-        for j in range(int((p[1] - reach) / block), int((p[1] + reach) / block) + 1):
-            for k in range(int((p[2] - reach) / block), int((p[2] + reach) / block) + 1):
-                table[i, j, k] = 1
+    mark_blocks(p, block, reach, table)
 
 
 @wp.kernel

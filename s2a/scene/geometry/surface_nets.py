@@ -44,6 +44,18 @@ class Field:
 
 
 @wp.func
+def mark_blocks(p: wp.vec3, block: float, reach: float, table: wp.array3d(dtype=int)):
+    """Mark the blocks of edge `block` within `reach` of a place [m]; nothing where it is two blocks from the table's border."""
+    for axis in range(3):
+        if p[axis] < 2.0 * block + reach or p[axis] > float(table.shape[axis] - 2) * block - reach:
+            return
+    for i in range(int((p[0] - reach) / block), int((p[0] + reach) / block) + 1):
+        for j in range(int((p[1] - reach) / block), int((p[1] + reach) / block) + 1):
+            for k in range(int((p[2] - reach) / block), int((p[2] + reach) / block) + 1):
+                table[i, j, k] = 1
+
+
+@wp.func
 def voxel_place(blocks: wp.array(dtype=wp.vec3i), tid: int):
     """Return the coordinates of a stored voxel."""
     b = blocks[tid // 64]

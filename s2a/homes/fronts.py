@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.homes.grips import QUARTER, STEEL, bar, upright
+from s2a.homes.grips import QUARTER
 from s2a.homes.solids import PLAIN, Color, Piece, Surface, at, box, join, rotation
 from s2a.scene.scene import Joint
 
@@ -51,11 +51,6 @@ def lid(name: str, shape: Surface, *parts: Piece, angle: float = QUARTER) -> Pie
     """
     stand_up = rotation((0.0, QUARTER, 0.0))
     return hinged(name, shape.moved(stand_up), TOP, *parts, angle=angle).moved(np.linalg.inv(stand_up))
-
-
-def door_bar(side: Side, width: float, z: float, length: float = 0.2, color: Color = STEEL) -> Piece:
-    """Return an upright bar about a height z [m] on a door of given width [m], 45 mm from the edge across from its hinge."""
-    return upright(bar(length, 0.014, 0.012, 0.028, 0.012, color)).moved(at(0, -side[0] * (width / 2 - 0.045), z))
 
 
 def open_box(size: tuple[float, float, float], wall: float, color: Color, texture: int = PLAIN) -> Surface:

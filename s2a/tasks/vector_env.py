@@ -90,21 +90,7 @@ def make(
     seed: int = 0,
     overrides: tuple[str, ...] | list[str] = (),
 ) -> TaskVectorEnv:
-    """Return a task in worlds of a simulation-ready room, or of the parts of many.
-
-    Args:
-        task: its name, such as "open_part".
-        room: the sim.usd that `prepare` wrote; or the index that `s2a pool` wrote, *.json: world i has its part i modulo their
-            number.
-        part: id of the part or object to move, such as "drawer_7"; None: the room's only one, or all of the index.
-        num_envs: worlds that are stepped together.
-        device: "cpu", "cuda:0", or "auto": a GPU where there is one.
-        seed: of the start noise.
-        overrides: settings as `s2a train` takes them, such as "sim=real", "reward=grasped", "task.start_noise=0".
-
-    Raises:
-        InputError: an unknown task, part or setting; not a simulation-ready room; a part of an index.
-    """
+    """Return a task in worlds of a simulation-ready room, or of the parts of many; arguments as of `s2a.api.make`."""
     kind = tasks.task(task)
     values = config.compose("train", [f"task={task}", "stage=-", "out=-", *overrides])
     mdp = config.load(kind.Config, values["task"])

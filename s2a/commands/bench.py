@@ -34,7 +34,7 @@ from s2a.tasks.env import VecEnv
 
 PLANNER, RANDOM = "planner", "random"
 Actor = Callable[[VecEnv, Sequence[starts.Demonstration]], Policy]
-"""An environment and the planner's motions of its parts -> who acts in it."""
+"""An environment and the planner's motions of its parts -> the policy that drives it."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def run(config: Config) -> str:
 
 
 def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
-    """Return the policy's name, the task as it observes it, and who acts.
+    """Return the policy's name, the task as it observes it, and the policy that drives it.
 
     Raises:
         InputError: there is no such policy, or it was trained on an arm with other limits.

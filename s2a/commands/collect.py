@@ -42,7 +42,7 @@ class Config(WorldsConfig):
     Attributes:
         out: folder of the dataset; one that is there already is gone on with.
         episodes: that succeed, with those that are there already.
-        policy: who acts: null, the planner; pretrained; or a model_N.onnx.
+        policy: that drives the robot: null, the planner; pretrained; or a model_N.onnx.
         instruction: what the robot is to do, in words; null: what the task is, and the label.
         every: control steps a frame.
         format: lerobot: LeRobotDataset v3.0; robomimic: HDF5 as robomimic reads it.
@@ -65,7 +65,7 @@ class Session:
     Attributes:
         stage: in which.
         env: the worlds.
-        policy: who acts.
+        policy: that drives the robot.
         views: the cameras.
         collector: runs the episodes.
         words: the instruction.
@@ -80,7 +80,7 @@ class Session:
 
 
 def begin(config: Config) -> Session:
-    """Build the worlds, the cameras, and who acts; InputError for keys that cannot go together."""
+    """Build the worlds, the cameras and the policy; InputError for keys that cannot go together."""
     if pool.is_index(config.stage):
         raise InputError(f"{config.stage} is a pool; give a sim.usd and a part")
     size = config.views.width, config.views.height

@@ -47,9 +47,9 @@ class Config(WorldsConfig):
     Attributes:
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
-        policy: who acts instead: a trained policy as `s2a train export=true` writes it, model_N.onnx; or pretrained: the one
-            that comes with s2a and opens parts that it has never seen, another one with `perception` than without; or null.
-        agent: who acts instead, as a baseline: zero (actions of 0), random (uniform in [-1, 1]), extreme (-1 and 1, held for up
+        policy: that drives the robot instead: model_N.onnx, as `s2a train export=true` writes it; pretrained: the bundled one; or
+            null.
+        agent: baseline in its place: zero (actions of 0), random (uniform in [-1, 1]), extreme (-1 and 1, held for up
             to four seconds); or null.
         perception: who sees the part with a depth camera instead of being told the truth: pretrained, or what s2a perceive wrote;
             null: nobody.
@@ -116,7 +116,7 @@ class Album:
 
 
 def _policy(config: Config, env: VecEnv, file: PolicyFile | None) -> Policy:
-    """Return who acts; the planner has motions for a pool."""
+    """Return the policy; the planner has motions for a pool."""
     if config.agent:
         return baseline(config.agent, env, config.seed)
     if file:
@@ -127,7 +127,7 @@ def _policy(config: Config, env: VecEnv, file: PolicyFile | None) -> Policy:
 
 
 def _who(config: Config) -> str:
-    """Return who acts: an agent, a policy's file, a checkpoint with its folder, or the planner."""
+    """Return the policy: an agent, a policy's file, a checkpoint with its folder, or the planner."""
     if config.policy:
         return config.policy.name
     trained = config.checkpoint and f"{config.checkpoint.absolute().parent.name}/{config.checkpoint.name}"

@@ -92,7 +92,7 @@ class Collector:
         """Run one episode in every world, and yield those that succeed.
 
         Args:
-            policy: who acts.
+            policy: that drives the robot.
             seed: of where the episodes start, and of cameras and light.
             folder: for the images.
             encoders: that write them.

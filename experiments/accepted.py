@@ -24,13 +24,13 @@ from proposals import TEXEL
 from s2a import scan
 from s2a.annotate import files, handle
 from s2a.annotate.annotation import Draft
+from s2a.annotate.propose.fronts import cut, propose
 from s2a.annotate.propose.layers import ProposeConfig
-from s2a.annotate.propose.run import cut, propose
 from s2a.annotate.region import GrowConfig
 from s2a.commands import cli
 from s2a.core import config
 from s2a.core.provenance import provenance
-from s2a.scan import folder, parts
+from s2a.scan import articulate3d_files, folder
 from s2a.scan.labels import parents
 
 EPISODES, STEPS = 2, 1500
@@ -112,7 +112,7 @@ def _off(draft: Draft, index: int, place: np.ndarray) -> float:
 
 def handle_places(path: Path, sample: files.BareScan, truth: dict) -> dict[str, np.ndarray]:
     """Return the middle of the handle of each part that has one [m]."""
-    annotated = parts.read(folder.find(path).parts, sample.mesh)
+    annotated = articulate3d_files.read_parts(folder.find(path).parts, sample.mesh)
     parent = parents({number: part.label for number, part in annotated.items()})
     ids = {int(name.rpartition("_")[2]): name for name in truth["parts"]}
     return {

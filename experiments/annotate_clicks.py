@@ -22,7 +22,7 @@ import clicking
 
 from s2a import scan
 from s2a.annotate import files
-from s2a.annotate.page import serve, shown
+from s2a.annotate.page import panel, shown
 from s2a.annotate.region import FrontRegion
 from s2a.annotate.surface import SplitSurface
 from s2a.commands import cli
@@ -89,7 +89,7 @@ def _room(name: str, work: Path) -> dict[str, object]:
 def choose(surface: SplitSurface, truth: dict, shift: float) -> tuple[float, dict[str, str]]:
     """Return an azimuth [rad] from which a part is seen, and three with their handles that are seen where one faces the first."""
     mesh, up = surface.mesh(), np.array([0.0, 0.0, shift])
-    size = (clicking.WIDTH - serve.WIDTH, clicking.HEIGHT)
+    size = (clicking.WIDTH - panel.WIDTH, clicking.HEIGHT)
     handles = _handles(truth)
 
     def sees(eye: np.ndarray, target: np.ndarray, fov: float, places: list[np.ndarray]) -> bool:

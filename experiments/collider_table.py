@@ -36,9 +36,8 @@ from scipy.spatial.transform import Rotation
 from s2a import scan
 from s2a.core import config
 from s2a.core.provenance import provenance
-from s2a.prepare.grasp import find_grasp
+from s2a.prepare.grasp import find_grasp, find_target
 from s2a.prepare.part_hulls import ColliderConfig, find_handle, target_colliders
-from s2a.prepare.target import find_target
 from s2a.scene.geometry.front_panel import FingerSpace, finger_space, fraction_inside
 from s2a.scene.geometry.mesh_ops import centroids, merge, normals, sample, sample_with_faces
 from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh

@@ -27,9 +27,9 @@ from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.homes.catalog import catalog, clean_scene
 from s2a.homes.furnishing import HOMES, home
+from s2a.prepare.grasp import bodies
 from s2a.prepare.part import PartConfig, part_results
 from s2a.prepare.room import PrepareConfig
-from s2a.prepare.target import bodies
 from s2a.scene.scene import Scene
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT
 

@@ -26,9 +26,8 @@ from recorded_pulls import Truth, record
 
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.joints.dynamics import Dynamics
+from s2a.joints.dynamics import PARAMETERS, Dynamics
 from s2a.joints.identify import fit, identify
-from s2a.joints.joint_kernels import PARAMETERS
 from s2a.joints.pull import Noise, Pull
 from s2a.joints.pulled import Moving, moving
 from s2a.scene.usd import sim_stage

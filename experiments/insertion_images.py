@@ -26,12 +26,11 @@ from s2a.core.provenance import provenance
 from s2a.language.insert.attempt import attempt, image_pose
 from s2a.language.insert.batch import open_room
 from s2a.language.insert.context import Inserted, ObjectRequest
-from s2a.language.insert.room_state import RoomState
+from s2a.language.insert.describe import RoomState
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.llm.client import choose
-from s2a.scene.geometry.camera import CameraPose, OrbitCamera
 from s2a.scene.geometry.mesh_ops import merge
-from s2a.scene.geometry.render import render
+from s2a.scene.geometry.render import CameraPose, OrbitCamera, render
 from s2a.scene.scene import Mesh
 
 HALF, CUT, PIXELS, CHANGED = 0.5, 0.1, 250, 12

@@ -43,17 +43,17 @@ from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.language.insert.batch import open_room
 from s2a.language.insert.context import InsertContext, Inserted, ObjectRequest, StabilityCheck
+from s2a.language.insert.describe import RoomState
 from s2a.language.insert.pipeline import insert
 from s2a.language.insert.place.fit import NoRoom, intersects, reaching_into
 from s2a.language.insert.place.supports import nearby
-from s2a.language.insert.room_state import RoomState
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.insert.stability import drop_check
 from s2a.language.llm.ask import Answer, Model, Request, UsageLog
 from s2a.language.llm.client import choose
 from s2a.language.llm.rules import rules
 from s2a.scene.geometry.mesh_ops import sample
-from s2a.scene.geometry.penetration import depth
+from s2a.scene.geometry.mesh_query import depth
 from s2a.scene.scene import Mesh
 
 RESULTS = Path(__file__).parent / "results"

@@ -32,7 +32,7 @@ from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
 from s2a.joints.pull_optimize import Optimum, PullConfig, PullLoss, optima, optimize
 from s2a.joints.pulled import Pulled
-from s2a.motion.pull_law import PullLaw
+from s2a.motion.trajectory import PullLaw
 
 RESULTS = Path(__file__).parent / "results/motions.json"
 OPENED = 0.9

@@ -133,7 +133,7 @@ def _episodes(stage: Any, settings: Any, args: argparse.Namespace, row: Row, nam
     from s2a.learn.evaluate import run_episodes
     from s2a.motion.open import demonstration
     from s2a.motion.policy import Planner
-    from s2a.sim.limit_use import LimitUse
+    from s2a.sim.recorder import LimitUse
     from s2a.sim.simulation import Simulation
     from s2a.tasks import make_env
 

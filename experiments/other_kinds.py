@@ -13,7 +13,7 @@ import numpy as np
 from twelve_at_once import CATEGORY
 
 from s2a.homes import clutter, decor, household, objects
-from s2a.homes.cloth import pillow
+from s2a.homes.decor import pillow
 from s2a.homes.families import kitchen
 from s2a.homes.solids import Piece, Surface, join
 from s2a.homes.zoo.download import UNITS, WRITERS, Download, download

@@ -34,7 +34,7 @@ from s2a.core.provenance import provenance
 from s2a.language.insert.attempt import attempt
 from s2a.language.insert.batch import open_room
 from s2a.language.insert.context import ObjectRequest
-from s2a.language.insert.room_state import RoomState
+from s2a.language.insert.describe import RoomState
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.llm.ask import Model
 from s2a.language.llm.client import choose

@@ -19,7 +19,7 @@ import numpy as np
 
 from s2a.learn.perception.estimate import load, of_pool
 from s2a.sim import pool
-from s2a.tasks.part_description import Description, of_vector, truth
+from s2a.tasks.mdp.seen import Description, of_vector, truth
 
 PANELS = 8
 LENGTH = 0.08

@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 
 from s2a.annotate import files
+from s2a.annotate.propose.fronts import propose
 from s2a.annotate.propose.layers import ProposeConfig
-from s2a.annotate.propose.run import propose
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.core import config
 from s2a.core.provenance import provenance
-from s2a.scan import folder, imported, parts
+from s2a.scan import articulate3d_files, folder, imported
 from s2a.scan.labels import parents
 from s2a.scene.scene import Joint
 
@@ -68,7 +68,7 @@ def true_parts(
     path: Path, bare: files.BareScan, truth: dict, surface: SplitSurface, source: np.ndarray
 ) -> list[tuple[str, np.ndarray, Joint]]:
     """Return id, faces (with all that moves along) and true joint of each moving part that the scan shows."""
-    annotated = parts.read(folder.find(path).parts, bare.mesh)
+    annotated = articulate3d_files.read_parts(folder.find(path).parts, bare.mesh)
     parent = parents({number: part.label for number, part in annotated.items()})
     found = []
     for name, facts in truth["parts"].items():

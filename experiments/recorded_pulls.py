@@ -22,7 +22,7 @@ STRIBECK, EDGE = 0.05, 0.25
 
 @dataclass(frozen=True)
 class Truth:
-    """How a joint resists at its grasp point: `s2a.joints.joint_kernels.PARAMETERS`, in their order."""
+    """How a joint resists at its grasp point: `s2a.joints.dynamics.PARAMETERS`, in their order."""
 
     mass: float
     damping: float

@@ -29,7 +29,7 @@ from s2a.core.provenance import provenance
 from s2a.prepare.refine import refine, with_joints
 from s2a.prepare.refine_loss import RefineConfig
 from s2a.scan.evidence.annotation import moving_part
-from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.evidence.finding import Bounds
 from s2a.scan.evidence.front import front
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.scene import Joint, Scene

@@ -13,10 +13,10 @@ import warp as wp
 
 from s2a import tasks
 from s2a.commands.evaluate import Config
-from s2a.motion import pull_law
+from s2a.motion import trajectory
 from s2a.motion.policy import Planner
-from s2a.motion.pull_law import PullLaw
 from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PullLaw
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 from s2a.tasks.base import Task
@@ -91,7 +91,7 @@ def _replay(rows: np.ndarray, planner: Planner, law: PullLaw | float, rate: floa
 def _planner(config: PlannerConfig, law: PullLaw | float, folder: Path) -> PlannerConfig:
     if not isinstance(law, PullLaw):
         return replace(config, pull_time=law)
-    pull_law.write(law, folder / "law.json")
+    trajectory.write(law, folder / "law.json")
     return replace(config, pull_law=folder / "law.json")
 
 

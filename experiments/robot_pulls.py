@@ -14,8 +14,7 @@ from s2a.commands import cli
 from s2a.core.errors import InputError
 from s2a.joints import robot_pull
 from s2a.joints.commands.identify import write_layer
-from s2a.joints.dynamics import Dynamics
-from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.dynamics import PARAMETERS, Dynamics
 from s2a.joints.pull import Pull
 from s2a.joints.pulled import Moving
 from s2a.sim.world import read_stage

@@ -28,7 +28,7 @@ from s2a.core.provenance import provenance
 from s2a.language.insert.attempt import attempt
 from s2a.language.insert.batch import open_room
 from s2a.language.insert.context import ObjectRequest
-from s2a.language.insert.wishes.heed import read_wish
+from s2a.language.insert.wishes.check import read_wish
 from s2a.language.llm.client import choose
 from s2a.scene.scene import Mesh
 

@@ -24,8 +24,7 @@ from s2a import scan
 from s2a.core import config
 from s2a.core.provenance import provenance
 from s2a.scan.evidence import annotation, room
-from s2a.scan.evidence.bounds import Bounds
-from s2a.scan.evidence.finding import Finding
+from s2a.scan.evidence.finding import Bounds, Finding
 from s2a.scan.evidence.front import Front, front
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.articulation import opening_direction

@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan import frame, mesh_files, quest_file, upright
+from s2a.scan import frame, labelled_boxes, upright
+from s2a.scan import source as mesh_files
 from s2a.scan.source import SourceMesh, Stated
 from s2a.scan.surfels import sample
 
@@ -102,7 +103,7 @@ def outcome(
 
 def load(path: Path) -> SourceMesh:
     """Return the mesh of a capture."""
-    return quest_file.read(path)[0] if quest_file.recognise(path) else mesh_files.read(path)
+    return labelled_boxes.read_quest(path)[0] if labelled_boxes.recognise_quest(path) else mesh_files.read(path)
 
 
 def moved(mesh: SourceMesh, turn: np.ndarray) -> SourceMesh:

@@ -13,11 +13,11 @@ import numpy as np
 from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.existing import Existing
 from s2a.annotate.surface import ADDED, SplitSurface, connected
-from s2a.scan import folder, joint_records, ply, predicted
+from s2a.scan import articulate3d_files, folder, ply, predictions
 from s2a.scan.folder import BareFiles
 from s2a.scan.imported import SOURCE_FACES
 from s2a.scan.ply import ScanMesh
-from s2a.scan.ply_writer import write_ply
+from s2a.scan.ply_file import write_ply
 from s2a.scan.predictions import Prediction
 
 LEVEL, UPRIGHT = 0.9, 0.3
@@ -177,7 +177,7 @@ def write(annotation: Draft, scan: BareScan, out: Path, existing: Existing | Non
         existing.write(out, surface, items, origin, same)
     else:
         fixed = [] if scan.files.segments else divide(surface, _free(surface, items))
-        predicted.write(out, scan.files.name, [_prediction(item, origin) for item in items], fixed)
+        predictions.write(out, scan.files.name, [_prediction(item, origin) for item in items], fixed)
     record = {**facts, "faces": len(surface.faces), "scan_faces": len(scan.mesh.faces)}
     record |= {"scan_minus_written_m": (scan.mesh.origin - origin).tolist()}
     record |= {"parts": [_record(item) for item in items]}
@@ -218,7 +218,7 @@ def _prediction(item: Item, origin: np.ndarray) -> Prediction:
     """Return a part with a joint as what `predicted.write` takes, in the coordinates of the written mesh."""
     joint = item.joint
     assert joint is not None
-    kind = joint_records.TYPES[joint.kind]
+    kind = articulate3d_files.TYPES[joint.kind]
     place = np.array(joint.origin) + origin
     return Prediction(
         item.name, kind, np.array(joint.axis), place, joint.limits, item.score, item.region.faces, item.handle

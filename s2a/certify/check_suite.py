@@ -10,12 +10,12 @@ from pathlib import Path
 
 import mujoco
 
-from s2a.certify import contents, finger_gap, physics_grip, portability, static
+from s2a.certify import contents, finger_gap, portability, static
+from s2a.certify import physics as physics_grip
 from s2a.certify.check import Check, Status, ValidationReport, check_bound
 from s2a.certify.contents import Contents, ShapeConfig
 from s2a.certify.finger_gap import Gap, GapConfig
-from s2a.certify.physics import MujocoWorld, PhysicsConfig
-from s2a.certify.physics_grip import GripConfig, GripTest
+from s2a.certify.physics import GripConfig, GripTest, MujocoWorld, PhysicsConfig
 from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
 from s2a.certify.static import FoundationConfig

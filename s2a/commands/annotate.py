@@ -20,8 +20,8 @@ from s2a.core.bounds import AtLeast, Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, refuse_loss
 from s2a.core.progress import report as say
-from s2a.scan.evidence import report
-from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.evidence import finding
+from s2a.scan.evidence.finding import Bounds
 from s2a.scene.geometry.camera import OrbitCamera, framing_pose
 
 START = np.array([1.0, 0.0, 0.0])
@@ -87,7 +87,7 @@ def run(config: Config) -> str:
 
     if not config.page:
         return save(editor.annotation)
-    from s2a.annotate.page import served  # viser is of the extra "view"
+    from s2a.annotate.page.panel import served  # viser is of the extra "view"
 
     view = framing_pose(scan.mesh.vertices, START, config.camera)
     with served(
@@ -101,7 +101,7 @@ def run(config: Config) -> str:
 
 def _proposed(surface: SplitSurface, config: Config) -> Draft:
     """Return proposals, their borders cut."""
-    from s2a.annotate.propose.run import cut, propose  # torch takes seconds to load
+    from s2a.annotate.propose.fronts import cut, propose  # torch takes seconds to load
 
     return cut(surface, propose(surface, config.propose, config.grow), config.grow)
 
@@ -114,5 +114,5 @@ def _summary(annotation: Draft, config: Config) -> str:
     left = len(annotation.items) - len(done)
     said = f"{config.out}: {len(done)} parts ({kinds or 'none'}), {handles} with a handle"
     said += f"; {left} without a joint are left out" if left else ""
-    said += f"\n{report.text(of_all(annotation, config.evidence))}" if done else ""
+    said += f"\n{finding.text(of_all(annotation, config.evidence))}" if done else ""
     return said + f"\n  next: s2a check scan={config.out}"

@@ -9,9 +9,9 @@ from pathlib import Path
 from s2a.core.errors import CheckFailed
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.scan import overlaps
-from s2a.scan.evidence import annotation, report
-from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.articulate3d_files import read_overlaps
+from s2a.scan.evidence import annotation, finding
+from s2a.scan.evidence.finding import Bounds
 from s2a.scan.export import load_scene
 
 
@@ -38,16 +38,16 @@ def run(config: Config) -> str:
         InputError: no scan, or a damaged one.
     """
     scene = load_scene(config.scan)
-    listed = overlaps.read(config.scan) if config.scan.is_dir() else []
+    listed = read_overlaps(config.scan) if config.scan.is_dir() else []
     findings = annotation.check(scene, config.evidence, listed)
     if config.out:
         bounds = dataclasses.asdict(config.evidence)
         with atomic_write(config.out) as file:
             file.write_text(
-                report.to_json(findings, scan=str(config.scan), bounds=bounds, provenance=provenance("cpu"))
+                finding.to_json(findings, scan=str(config.scan), bounds=bounds, provenance=provenance("cpu"))
             )
-    said = f"{config.scan}: {len(scene.movable)} moving parts of {scene.name}\n{report.text(findings)}"
+    said = f"{config.scan}: {len(scene.movable)} moving parts of {scene.name}\n{finding.text(findings)}"
     said += f"\n  {config.out}" if config.out else ""
-    if report.failed(findings):
+    if finding.failed(findings):
         raise CheckFailed(said)
     return said

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from s2a.core import errors
 from s2a.core.errors import InputError
-from s2a.scan import overlaps
-from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.articulate3d_files import read_overlaps
+from s2a.scan.evidence.finding import Bounds
 from s2a.scan.export import export
 from s2a.scene.scene import Scene
 
@@ -49,9 +49,10 @@ def _warn(config: Config, scene: Scene) -> None:
     """Log what the surface says against the annotation."""
     try:
         with errors.required():
-            from s2a.scan.evidence import annotation, report
+            from s2a.scan.evidence import annotation
+            from s2a.scan.evidence import finding as report
     except InputError as missing:
         _log.warning("the annotation is not checked against the surface: %s", missing)
         return
-    for finding in report.doubtful(annotation.check(scene, config.evidence, overlaps.read(config.scan))):
+    for finding in report.doubtful(annotation.check(scene, config.evidence, read_overlaps(config.scan))):
         _log.warning("%s: %s", finding.check, finding)

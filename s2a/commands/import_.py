@@ -18,14 +18,14 @@ from s2a.core.bounds import Above, AtLeast, Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, refuse_loss, require_png
 from s2a.core.progress import track
-from s2a.scan import folder, imported, ply, predicted, recording, source, urdf_object
+from s2a.scan import folder, imported, ply, recording, source, urdf_object
+from s2a.scan import predictions as predicted
 from s2a.scan import predictions as reader
 from s2a.scan.urdf_object import ObjectBox
 from s2a.scene.geometry.depth_fusion import DepthFusion, Image, measured_points
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.planes import min_area_rectangle
-from s2a.scene.geometry.render import write_png
-from s2a.scene.geometry.room_image import room_image
+from s2a.scene.geometry.render import room_image, write_png
 from s2a.scene.scene import Mesh
 
 _log = logging.getLogger(__name__)

@@ -19,7 +19,8 @@ from s2a.core.provenance import provenance
 from s2a.learn.evaluate import rate, warn_of_errors
 from s2a.learn.perception.depth_camera import DepthCameraConfig
 from s2a.learn.perception.estimate import seen
-from s2a.learn.rl import ppo, processes, run_folder
+from s2a.learn.rl import config as processes
+from s2a.learn.rl import ppo, run_folder
 from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.policy_file import export
 from s2a.learn.rl.ppo import load_model

@@ -22,8 +22,8 @@ from s2a.scene.geometry.mesh_ops import painted
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import ENCODINGS
 from s2a.view.page import cards
+from s2a.view.page.glb import thinned
 from s2a.view.page.room import PageRoom, hue
-from s2a.view.page.thin import thinned
 
 DATASET = "meta/s2a.json"
 """By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episode.ABOUT`, which needs the extra "sim")."""
@@ -118,10 +118,10 @@ def _play(config: Config, stage: Path) -> str:
     room = _page_room(replace(config, path=stage))
     from s2a.scene.usd import sim_stage
     from s2a.view.page import player  # viser is of the extra "view"
-    from s2a.view.playback import played  # of the extra "sim"
+    from s2a.view.playback import states  # of the extra "sim"
 
-    found = played.of_states(
-        played.read(config.path, stage, config.first, config.worlds), sim_stage.read(stage, visuals=False)
+    found = states.of_states(
+        states.read_played(config.path, stage, config.first, config.worlds), sim_stage.read(stage, visuals=False)
     )
     room = thinned(room, config.max_faces) if config.max_faces else room
     view = _page_view(room, config)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.homes import cloth, decor, household, objects
+from s2a.homes import decor, household, objects
+from s2a.homes import decor as cloth
 from s2a.homes.draw import integer, pick, uniform
 from s2a.homes.objects import SPINES
 from s2a.homes.solids import FABRIC, WOOD, Color, Piece, at, box, cylinder, join, lathe

@@ -17,7 +17,6 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
 from s2a.homes.catalog import Entry
-from s2a.scan.ply_writer import write_ply as write_ply
 from s2a.scene.scene import Joint, Mesh
 
 GROUPS = {

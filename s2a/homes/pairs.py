@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.homes.boxes import measured, meet
 from s2a.homes.catalog import Entry, catalog
+from s2a.homes.floor_plan import measured, meet
 from s2a.homes.room import Room
 from s2a.homes.solids import Piece, Surface, at, join
 from s2a.scene.articulation import transform

@@ -12,13 +12,13 @@ import numpy as np
 
 from s2a.core.bounds import CountFromZero
 from s2a.homes import files
-from s2a.homes.annotate import AnnotationConfig, annotated_joints, overlooked, reversed_joints, without
-from s2a.homes.capture import Capture
+from s2a.homes.capture import AnnotationConfig, Capture, annotated_joints, overlooked, reversed_joints, without
 from s2a.homes.catalog import Entry, cad, catalog, clean_scene, part_truth
 from s2a.homes.furnishing import furnish, stream
 from s2a.homes.pairs import MAX_TURN, again, revisited
 from s2a.homes.room import Room
 from s2a.homes.scanner import ScannerConfig
+from s2a.scan.ply_file import write_ply
 from s2a.scene.scene import Joint, Mesh
 
 RoomKind = Literal[
@@ -148,7 +148,7 @@ def write(scan: Scan, config: SampleConfig, out: Path) -> None:
     from s2a.scene.usd import geometric
 
     (out / "truth").mkdir(parents=True, exist_ok=True)
-    files.write_ply(out / "mesh_aligned_0.05.ply", scan.mesh)
+    write_ply(out / "mesh_aligned_0.05.ply", scan.mesh)
     if config.scanner[config.detail].glb:
         files.write(out / "scan.glb", scan.mesh.vertices, scan.mesh.faces, scan.paint)
     segments = {"sceneId": scan.name, "segIndices": list(range(len(scan.mesh.vertices)))}

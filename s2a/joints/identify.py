@@ -11,8 +11,7 @@ from scipy.ndimage import binary_erosion, gaussian_filter1d
 from scipy.optimize import lsq_linear
 
 from s2a.core.errors import InputError
-from s2a.joints.dynamics import LOWER, TYPICAL, UPPER, Dynamics
-from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.dynamics import LOWER, PARAMETERS, TYPICAL, UPPER, Dynamics
 from s2a.joints.joint_worlds import JointWorlds
 from s2a.joints.pull import Noise, Pull, same_step
 from s2a.joints.pulled import Moving

@@ -19,7 +19,7 @@ import numpy as np
 import warp as wp
 from scipy.linalg import solve_discrete_are
 
-from s2a.joints.joint_kernels import PARAMETERS, Recordings, correct, drive
+from s2a.joints.dynamics import PARAMETERS, Recordings, correct, drive
 from s2a.joints.pull import Noise, Pull
 from s2a.joints.pulled import Moving, inertia_tensor
 

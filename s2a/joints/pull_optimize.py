@@ -13,8 +13,7 @@ from s2a.core.bounds import Count, NotNegative, Positive
 from s2a.joints.arm_worlds import ArmWorlds
 from s2a.joints.pulled import Pulled
 from s2a.joints.together import minimize_together
-from s2a.motion.pull_law import PullLaw
-from s2a.motion.trajectory import eased
+from s2a.motion.trajectory import PullLaw, eased
 
 
 @dataclass(frozen=True)

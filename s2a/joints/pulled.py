@@ -13,7 +13,7 @@ from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.tool_path import ToolPath, matrix
 from s2a.scene.articulation import lever_arm, open_limit
 from s2a.scene.scene import Joint
-from s2a.scene.usd.resistance import Resistance, SoftClose
+from s2a.scene.usd.joints import Resistance, SoftClose
 from s2a.scene.usd.sim_scene import Mass, SimRoom
 from s2a.scene.usd.sim_stage import GRAVITY
 from s2a.sim.simulation import Simulation

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.motion import pull_law
+from s2a.motion import trajectory as pull_law
 from s2a.motion.obstacles import Obstacles, moved_room
 from s2a.motion.push import at_rest
 from s2a.motion.search import Search

@@ -12,12 +12,11 @@ import numpy as np
 from s2a import robot as robots
 from s2a.core.errors import InputError
 from s2a.motion import pick
-from s2a.motion.insides import Inside, inside_placements
 from s2a.motion.obstacles import Obstacles, moved_room
 from s2a.motion.open import drawn_back
 from s2a.motion.pick import PickStage
 from s2a.motion.pick_plan import BASES, IK_SEEDS, PickPlan, PickTask, plan_pick
-from s2a.motion.places import first_planned, free_object, place_poses
+from s2a.motion.places import Inside, first_planned, free_object, inside_placements, place_poses
 from s2a.motion.search import Follow, Search, Stand, Unreachable, around, chunks
 from s2a.motion.segments import Along, Grip, Reach, Release, Segment, Straight, Timeline
 from s2a.motion.settings import PlannerConfig

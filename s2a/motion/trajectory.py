@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from s2a.core.errors import InputError
 from s2a.robot.spec import GripperSpec, JointLimits
 
 Progress = Callable[[np.ndarray], np.ndarray]
@@ -192,3 +195,59 @@ def sampled(path: np.ndarray, steps: int, progress: Progress = eased) -> np.ndar
     """Return a path [pose column] in steps, without its first pose."""
     spline = CubicSpline(np.arange(len(path)), path)
     return spline((len(path) - 1) * progress(np.arange(1, steps + 1) / steps))
+
+
+@dataclass(frozen=True)
+class PullLaw:
+    """Set-points at even times, at rest at both ends.
+
+    Attributes:
+        seconds: from the first to the last.
+        path: of the grasp point [m], 0 at first, shape [sample]; past the goal where the arm would lag behind, or sag.
+        goal: where the part shall stand [m].
+    """
+
+    seconds: float
+    path: tuple[float, ...]
+    goal: float
+
+    def at(self, fraction: np.ndarray) -> np.ndarray:
+        """Return the set-points [m] at fractions of the time; outside 0 to 1 those of the ends."""
+        spline = CubicSpline(np.linspace(0.0, 1.0, len(self.path)), self.path, bc_type="clamped")
+        return spline(np.clip(fraction, 0.0, 1.0))
+
+    def progress(self, fraction: np.ndarray) -> np.ndarray:
+        """Return the same as fractions of the goal: above 1 past it."""
+        return self.at(fraction) / self.goal
+
+
+def write(law: PullLaw, file: Path) -> None:
+    """Write a law as JSON."""
+    file.write_text(json.dumps(asdict(law), indent=1))
+
+
+def read(file: Path) -> PullLaw:
+    """Read a law.
+
+    Raises:
+        InputError: no such file; not a law.
+    """
+    if not file.is_file():
+        raise InputError(f"no pull law {str(file)!r}; make one with s2a optimize")
+    try:
+        found = json.loads(file.read_text())
+        law = PullLaw(float(found["seconds"]), tuple(map(float, found["path"])), float(found["goal"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{file}: not a pull law ({error}); expected {{seconds, path, goal}}") from error
+    numbers = np.array([law.seconds, law.goal, *law.path])
+    if (
+        len(law.path) < 3
+        or law.seconds <= 0.0
+        or law.goal <= 0.0
+        or law.path[0] != 0.0
+        or not np.isfinite(numbers).all()
+    ):
+        raise InputError(
+            f"{file}: not a pull law; seconds and goal must be above 0, and path must begin at 0 and have 3 samples or more"
+        )
+    return law

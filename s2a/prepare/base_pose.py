@@ -18,7 +18,7 @@ from s2a.prepare.grasp import floor_height, floor_points, heading, lowest_point
 from s2a.robot.collision import SLACK, Penetration, RobotShape, robot_shape
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import HALF_TURN, opening_coordinate, part_path, straight
-from s2a.scan.evidence.floor import FloorConfig, floor_fraction
+from s2a.scan.evidence.surface import FloorConfig, floor_fraction
 from s2a.scene.geometry.convex import column, overlap
 from s2a.scene.scene import Mesh, Scene, Vec3
 from s2a.scene.usd.sim_scene import Grasp, Quat

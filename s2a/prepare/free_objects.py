@@ -15,8 +15,7 @@ from s2a.core.cache import recall
 from s2a.core.errors import InputError
 from s2a.prepare.mass import MassConfig, annotated_mass
 from s2a.prepare.room_hulls import LevelTop, TopConfig, level_top, reused
-from s2a.scene.geometry.closed_solid import close, drop_small_components
-from s2a.scene.geometry.convex import box, clip, contains, grown, hull, vhacd, volume
+from s2a.scene.geometry.convex import box, clip, close, contains, drop_small_components, grown, hull, vhacd, volume
 from s2a.scene.geometry.mesh_ops import merge, within
 from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
 from s2a.scene.scene import Mesh, Scene, pack, unpack

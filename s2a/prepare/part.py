@@ -16,10 +16,9 @@ from s2a.core.cache import Arrays, find, keep, key
 from s2a.core.errors import InputError
 from s2a.core.progress import track
 from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
-from s2a.prepare.cabinet import CabinetConfig, gripper_corridor
-from s2a.prepare.interior import drawer_box
-from s2a.prepare.part_hulls import ColliderConfig, find_handle, target_colliders
-from s2a.prepare.target import Target, bodies, find_target, target_joint
+from s2a.prepare.grasp import Target, bodies, find_target, target_joint
+from s2a.prepare.mass import drawer_box
+from s2a.prepare.part_hulls import CabinetConfig, ColliderConfig, find_handle, gripper_corridor, target_colliders
 from s2a.robot.spec import RobotSpec
 from s2a.scene.geometry.convex import sweep
 from s2a.scene.geometry.mesh_ops import merge

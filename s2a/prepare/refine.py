@@ -17,7 +17,7 @@ from s2a.prepare.refine_loss import TILT, ZERO, RefineConfig
 from s2a.prepare.refine_room import JointedRoom, RoomFit, closed, fit, joints_of, loss_of, prior_sigma, priors
 from s2a.scene.articulation import opening_sign
 from s2a.scene.scene import Joint, Scene
-from s2a.scene.usd.refinement import Refinement
+from s2a.scene.usd.joints import Refinement
 
 STEPS = 50
 """Fractions of a move that are tried."""

@@ -13,16 +13,14 @@ from s2a.core.bounds import NotNegative
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.prepare.base_pose import BaseConfig
-from s2a.prepare.cabinet import CabinetConfig, anchor, cabinet_body
 from s2a.prepare.free_objects import FreeConfig, FreeObject, free_objects, level_tops
-from s2a.prepare.interior import cabinet_walls
-from s2a.prepare.mass import MassConfig, box_mass, moving_mass
+from s2a.prepare.grasp import bodies, parent_body
+from s2a.prepare.mass import MassConfig, box_mass, cabinet_walls, moving_mass
 from s2a.prepare.part import ALL, PartConfig, PartResult, selected_parts
-from s2a.prepare.part_hulls import ColliderConfig, filtered_pairs
+from s2a.prepare.part_hulls import CabinetConfig, ColliderConfig, anchor, cabinet_body, filtered_pairs
 from s2a.prepare.refine import Refined, refine, sentence, with_joints
 from s2a.prepare.refine_loss import RefineConfig
 from s2a.prepare.room_hulls import LevelTop, RoomConfig, StaticRoom, below_tops, cut_out
-from s2a.prepare.target import bodies, parent_body
 from s2a.robot.spec import RobotSpec
 from s2a.scene.articulation import lever_arm
 from s2a.scene.geometry.convex import column

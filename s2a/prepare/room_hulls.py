@@ -11,7 +11,7 @@ import numpy as np
 from s2a.core.bounds import AtLeast, Count, CountFromZero, Fraction, NotNegative, Positive
 from s2a.core.cache import recall
 from s2a.core.progress import track
-from s2a.prepare.target import bodies
+from s2a.prepare.grasp import bodies
 from s2a.scene.geometry.convex import APART, MARGIN, clip, contains, cut_free, one_hull, overlap, vhacd, volume
 from s2a.scene.geometry.mesh_ops import centroids, normals
 from s2a.scene.geometry.planes import TILT, Plane, find_planes, slabs

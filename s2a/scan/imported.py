@@ -11,12 +11,15 @@ from typing import Any
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan import box_files, frame, labelled_boxes, mesh_files, quest_file
+from s2a.scan import frame, labelled_boxes
+from s2a.scan import labelled_boxes as box_files
+from s2a.scan import labelled_boxes as quest_file
+from s2a.scan import source as mesh_files
 from s2a.scan.bake import Baked, bake
 from s2a.scan.folder import MESH
 from s2a.scan.frame import FileFrame
 from s2a.scan.labelled_boxes import LabelledBox
-from s2a.scan.ply_writer import write_ply
+from s2a.scan.ply_file import write_ply
 from s2a.scan.source import SourceMesh
 from s2a.scene.scene import Mesh
 
@@ -73,9 +76,9 @@ def convert(
     Raises:
         InputError: the file is damaged, or neither it nor the room tells up axis or unit.
     """
-    source, boxes = quest_file.read(path) if quest_file.recognise(path) else (mesh_files.read(path), [])
-    if labels or box_files.recognise(path):
-        boxes = [*boxes, *box_files.read(labels or path)]
+    source, boxes = quest_file.read_quest(path) if quest_file.recognise_quest(path) else (mesh_files.read(path), [])
+    if labels or box_files.recognise_boxes(path):
+        boxes = [*boxes, *box_files.read_boxes(labels or path)]
     return place(path, source, boxes, texel, up, unit, floor, level)
 
 

@@ -1,15 +1,21 @@
-"""Labelled boxes and rectangles of a capture -> the objects of a scan."""
+"""Labelled boxes and rectangles of a capture -> the objects of a scan: RoomPlan's, ARKitScenes' and Quest's files."""
 
 from __future__ import annotations
 
+import base64
+import binascii
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from pxr import Tf, Usd, UsdGeom
 
+from s2a.core.errors import InputError
 from s2a.scan.folder import GROUPS, SEGMENTS
+from s2a.scan.source import SourceMesh, Stated, colored
 
 MARGIN = 0.05
 """How far outside of its box a surface may lie [m]: capture programs fit boxes to rough surfaces."""
@@ -91,3 +97,186 @@ def write(folder: Path, vertices: np.ndarray, boxes: Sequence[LabelledBox]) -> i
     for name, data in ((SEGMENTS, {"segIndices": (owner + 1).tolist()}), (GROUPS, {"segGroups": groups})):
         (folder / name).write_text(json.dumps(data, separators=(",", ":")), encoding="utf-8")
     return len(objects)
+
+
+_OBJECTS = "Object_grp"  # the prim below which RoomPlan puts its objects
+_GROUPS = ("objects", "walls", "doors", "windows", "openings", "floors")
+_LAYOUTS = "RoomPlan's JSON or USDZ, or ARKitScenes' *_3dod_annotation.json"
+
+
+def recognise_boxes(path: Path) -> bool:
+    """Return True for a file of labelled boxes."""
+    return _reader(path) is not None
+
+
+def read_boxes(path: Path) -> list[LabelledBox]:
+    """Read the labelled boxes of a file, in the coordinates of the mesh that it belongs to.
+
+    Raises:
+        InputError: no such file, an unknown or damaged one, or one without boxes.
+    """
+    if not path.is_file():
+        raise InputError(f"labels {str(path)!r} does not exist; give {_LAYOUTS}")
+    reader = _reader(path)
+    if reader is None:
+        raise InputError(f"{path}: holds no labelled boxes; possible: {_LAYOUTS}")
+    try:
+        boxes = reader(path)
+        finite = all(np.isfinite(np.concatenate([box.center, box.size, box.axes.ravel()])).all() for box in boxes)
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+        reason = " ".join(f"{type(error).__name__} {error}".split())[:120]
+        raise InputError(f"{path}: truncated or damaged ({reason}); export it again") from error
+    if not boxes or not finite:
+        raise InputError(f"{path}: {'a box is not finite' if boxes else 'holds no box'}; export it again")
+    return boxes
+
+
+def _reader(path: Path) -> Callable[[Path], list[LabelledBox]] | None:
+    """Return the reader of a file's layout."""
+    if path.suffix.lower() == ".usdz":
+        return _roomplan_usdz if _objects(_stage(path)) else None
+    if path.suffix.lower() != ".json" or not path.is_file():
+        return None
+    try:
+        data = json.loads(path.read_bytes())
+    except ValueError:
+        return None
+    if isinstance(data, dict) and isinstance(data.get("data"), list):
+        return _arkitscenes
+    return _roomplan_json if isinstance(data, dict) and isinstance(data.get("objects"), list) else None
+
+
+def _arkitscenes(path: Path) -> list[LabelledBox]:
+    boxes = []
+    for record in json.loads(path.read_bytes())["data"]:
+        box = record["segments"]["obbAligned"]
+        axes = np.array(box["normalizedAxes"], dtype=float).reshape(3, 3)
+        center, size = (np.array(box[key], dtype=float).reshape(3) for key in ("centroid", "axesLengths"))
+        boxes.append(LabelledBox(str(record["label"]).replace("_", " "), center, axes, size))
+    return boxes
+
+
+def _roomplan_json(path: Path) -> list[LabelledBox]:
+    data = json.loads(path.read_bytes())
+    return [_captured(record, group) for group in _GROUPS for record in data.get(group, [])]
+
+
+def _captured(record: dict[str, Any], group: str) -> LabelledBox:
+    """Return one surface or object of a captured room; its transform is stored column by column."""
+    transform = np.array(record["transform"], dtype=float).reshape(4, 4).T
+    category = record.get("category") if group == "objects" else None
+    label = next(iter(category)) if isinstance(category, dict) else category or group.removesuffix("s")
+    size = np.array(record["dimensions"], dtype=float).reshape(3)
+    return LabelledBox(_words(str(label)), transform[:3, 3], transform[:3, :3].T, size)
+
+
+def _roomplan_usdz(path: Path) -> list[LabelledBox]:
+    """Return the boxes around the meshes of RoomPlan's objects, along the axes of their prims."""
+    cache, stage, boxes = UsdGeom.XformCache(), _stage(path), []
+    for prim in _objects(stage):
+        points = np.array(UsdGeom.Mesh(prim).GetPointsAttr().Get(), dtype=float).reshape(-1, 3)
+        matrix = np.array(cache.GetLocalToWorldTransform(prim))
+        scale = np.linalg.norm(matrix[:3, :3], axis=1)
+        low, high = points.min(axis=0), points.max(axis=0)
+        center = (low + high) / 2 @ matrix[:3, :3] + matrix[3, :3]
+        label = prim.GetParent().GetName().removesuffix("_grp")
+        boxes.append(LabelledBox(_words(label), center, matrix[:3, :3] / scale[:, None], (high - low) * scale))
+    return boxes
+
+
+def _stage(path: Path) -> Usd.Stage | None:
+    try:
+        return Usd.Stage.Open(str(path))
+    except Tf.ErrorException:
+        return None
+
+
+def _objects(stage: Usd.Stage | None) -> list[Usd.Prim]:
+    """Return the meshes of RoomPlan's objects; empty for any other file."""
+    prims = stage.Traverse() if stage else []
+    return [prim for prim in prims if prim.IsA(UsdGeom.Mesh) and f"/{_OBJECTS}/" in str(prim.GetPath())]
+
+
+def _words(label: str) -> str:
+    """Return "washer dryer" for "washerDryer" and for "Washer_Dryer"."""
+    spaced = "".join(f" {letter}" if letter.isupper() else letter for letter in label.replace("_", " "))
+    return " ".join(spaced.lower().split())
+
+
+SUFFIX = ".json"
+
+_ENTITIES, _LABEL, _PLACE = "spatialEntities", "semanticLabel_META", "locatable_META"
+_MESH, _BOX, _PLANE = "triangleMesh_META", "bounded3D_META", "bounded2D_META"
+_HEAD = 4096  # bytes in which the file's own keys are named
+
+
+def recognise_quest(path: Path) -> bool:
+    """Return True for a JSON file whose beginning names the headset's entities."""
+    if path.suffix.lower() != SUFFIX or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return f'"{_ENTITIES}"'.encode() in file.read(_HEAD)
+
+
+def read_quest(path: Path) -> tuple[SourceMesh, list[LabelledBox]]:
+    """Read the mesh, y up and in metres, and the labelled boxes and planes in its coordinates.
+
+    Raises:
+        InputError: a damaged file, or one without a mesh.
+    """
+    try:
+        entities = json.loads(path.read_bytes())[_ENTITIES]
+        meshes = [_triangles(entity) for entity in entities if _MESH in entity]
+        boxes = [_box(entity) for entity in entities if _LABEL in entity and (_BOX in entity or _PLANE in entity)]
+    except (ValueError, KeyError, TypeError, AttributeError, binascii.Error) as error:
+        reason = " ".join(f"{type(error).__name__} {error}".split())[:120]
+        raise InputError(f"{path}: truncated or damaged ({reason}); save the scene again") from error
+    if not meshes:
+        raise InputError(f"{path}: holds no {_MESH}; save the scene with its mesh")
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    vertices = np.concatenate([vertices for vertices, _ in meshes])
+    faces = np.concatenate([faces + start for (_, faces), start in zip(meshes, starts, strict=False)])
+    if len(faces) and faces.max() >= len(vertices):
+        raise InputError(f"{path}: a face names vertex {faces.max()} of {len(vertices)}; save the scene again")
+    mesh = colored(vertices, faces, None, Stated("y", 1.0, "a Quest scene"))
+    return mesh, without_doubles(boxes)
+
+
+def _triangles(entity: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices of a mesh, placed, shape [vertex 3], and its faces, shape [face 3]."""
+    vertices = np.frombuffer(base64.b64decode(entity[_MESH]["vertices"], validate=True), "<f4").reshape(-1, 3)
+    faces = np.frombuffer(base64.b64decode(entity[_MESH]["indices"], validate=True), "<u4").reshape(-1, 3)
+    rotation, position = _pose(entity)
+    return vertices.astype(np.float64) @ rotation.T + position, faces.astype(np.int64)
+
+
+def _box(entity: dict[str, Any]) -> LabelledBox:
+    """Return the box or plane of a labelled entity, placed."""
+    solid = _BOX in entity
+    shape = entity[_BOX] if solid else entity[_PLANE]
+    offset = _vector(shape["offset"], "xyz" if solid else "xy")
+    size = _vector(shape["extent"], ("width", "height", "depth")[: len(offset)])
+    offset, size = (np.pad(values, (0, 3 - len(values))) for values in (offset, size))
+    rotation, position = _pose(entity)
+    label = str(entity[_LABEL]).lower().replace("_", " ").removesuffix(" face")
+    return LabelledBox(label, rotation @ (offset + size / 2) + position, rotation.T, size)
+
+
+def _pose(entity: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rotation [3 3] and the position [3] of an entity."""
+    w, x, y, z = _vector(entity[_PLACE]["orientation"], "wxyz")
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return rotation, _vector(entity[_PLACE]["position"], "xyz")
+
+
+def _vector(values: dict[str, Any], keys: str | tuple[str, ...]) -> np.ndarray:
+    vector = np.array([float(values[key]) for key in keys])
+    if not np.isfinite(vector).all():
+        raise ValueError(f"{values} is not finite")
+    return vector

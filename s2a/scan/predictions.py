@@ -1,9 +1,13 @@
-"""Predicted parts and joints for a scan: JSON of s2a's own schema, or a pickle as USDNet writes it."""
+"""Predicted parts and joints of a scan, from JSON or a network's pickle, and as Articulate3D's files."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
+import pickle
+import reprlib
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,9 +15,111 @@ from typing import Any
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan import fields, safe_pickle
+from s2a.scan import fields
 from s2a.scan.fields import Record
 from s2a.scan.ply import ScanMesh
+
+
+def read_pickle(path: Path) -> Any:
+    """Return what a pickle file holds.
+
+    Raises:
+        InputError: it cannot be read, is damaged, or needs anything but arrays, numbers, strings, lists and dictionaries.
+    """
+    try:
+        with path.open("rb") as file:
+            return _resolved(_Restricted(file).load())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except Exception as error:  # damage provokes any: EOFError, KeyError, ValueError, AttributeError, MemoryError ...
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        raise InputError(f"{path}: truncated or not a pickle ({reason}); save it again") from error
+
+
+class _Restricted(pickle.Unpickler):
+    """An unpickler that finds stand-ins of numpy's constructors and nothing else."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return what stands for an allowed constructor."""
+        found = _STAND_INS.get((module.replace("numpy.core", "numpy._core"), name))
+        if found is None:
+            raise InputError(
+                f"the pickle asks for {reprlib.repr(module + '.' + name)}, which may run code; "
+                "save numpy arrays in dictionaries (tensor.cpu().numpy()), or JSON"
+            )
+        return found
+
+
+class _Dtype:
+    """A type of numbers or strings. numpy's own takes flags from a pickle by which it reads numbers as addresses of objects."""
+
+    def __init__(self, code: str, align: bool = False, copy: bool = False) -> None:
+        self.plain = np.dtype(code)
+        if self.plain.hasobject:
+            raise InputError("the pickle holds an array of objects; save arrays of numbers, or JSON")
+        if self.plain.kind not in "biufcSU":
+            raise InputError(f"the pickle holds an array of {self.plain}; save arrays of numbers, or JSON")
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Take the byte order, which is all that a plain type has."""
+        if state[1] in ("<", ">"):
+            self.plain = self.plain.newbyteorder(state[1])
+
+
+class _Array:
+    """An array whose contents follow."""
+
+    value: np.ndarray = np.zeros(0)
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        _, shape, dtype, fortran, data = state
+        self.value = _from_buffer(data, dtype, shape, "F" if fortran else "C").value
+
+
+def _reconstruct(*_: Any) -> _Array:
+    return _Array()
+
+
+def _from_buffer(data: bytes, dtype: _Dtype, shape: tuple[int, ...], order: str) -> _Array:
+    found = _Array()
+    flat = np.frombuffer(data, dtype.plain) if data else np.zeros(0, dtype.plain)
+    found.value = flat.reshape(shape, order="F" if order == "F" else "C").copy()
+    return found
+
+
+def _scalar(dtype: _Dtype, data: bytes) -> Any:
+    return np.frombuffer(data, dtype.plain)[0]
+
+
+def _latin(text: str, encoding: str) -> bytes:
+    """Return bytes that a pickle of a protocol below 3 holds as text."""
+    if encoding != "latin1":
+        raise InputError(f"the pickle holds bytes as {encoding!r}; save it with protocol 4, or JSON")
+    return text.encode("latin1")
+
+
+def _resolved(value: Any) -> Any:
+    """Return contents with arrays in the place of what stands for them."""
+    if isinstance(value, _Array):
+        return value.value
+    if isinstance(value, dict):
+        return {key: _resolved(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return type(value)(_resolved(each) for each in value)
+    return value
+
+
+_STAND_INS = {
+    ("numpy._core.multiarray", "_reconstruct"): _reconstruct,
+    ("numpy._core.multiarray", "scalar"): _scalar,
+    ("numpy._core.numeric", "_frombuffer"): _from_buffer,
+    ("numpy", "ndarray"): _Array,
+    ("numpy", "dtype"): _Dtype,
+    ("_codecs", "encode"): _latin,
+    ("collections", "OrderedDict"): OrderedDict,
+}
 
 KINDS = ("rotation", "translation")
 USUAL_RANGE = {"rotation": math.pi / 2, "translation": 0.4}
@@ -118,7 +224,7 @@ def _mask(record: Record, surface: ScanMesh) -> np.ndarray:
 
 def _from_usdnet(path: Path, surface: ScanMesh, scene: str) -> list[Prediction]:
     """Read USDNet's dictionary of a scene, alone or by the scene's name."""
-    content = safe_pickle.read(path)
+    content = read_pickle(path)
     if isinstance(content, Mapping) and "pred_masks" not in content:
         if scene not in content and len(content) != 1:
             known = ", ".join(map(str, list(content)[:6])) or "none"
@@ -167,3 +273,69 @@ def _array(path: Path, content: Mapping[str, Any], key: str, shape: tuple[int | 
     if not np.isfinite(array).all():
         raise InputError(f"{path}: {key} holds numbers that are not finite; predict again")
     return array
+
+
+def choose(found: Sequence[Prediction], min_score: float, overlap: float) -> list[Prediction]:
+    """Return the predictions with a score, best first, without those that mostly repeat a better one.
+
+    Networks predict the same part several times; USDNet's authors leave that to the evaluation.
+
+    Args:
+        found: all predictions.
+        min_score: lowest score.
+        overlap: fraction of the smaller mask's faces that a better prediction may hold.
+    """
+    kept: list[Prediction] = []
+    for prediction in sorted(found, key=lambda one: -one.score):
+        if prediction.score >= min_score and all(_overlap(prediction, other) <= overlap for other in kept):
+            kept.append(prediction)
+    return kept
+
+
+def write(folder: Path, scene: str, kept: Sequence[Prediction], fixed: Sequence[tuple[str, np.ndarray]] = ()) -> None:
+    """Write `<scene>_parts.json` and `<scene>_artic.json`; a part gets its handle as a child.
+
+    Args:
+        folder: of the scan.
+        scene: name of the scan.
+        kept: predictions, in the coordinates of the scan's file.
+        fixed: names and faces of what does not move.
+    """
+    parts: list[dict[str, Any]] = []
+    joints: list[dict[str, Any]] = []
+    for index, one in enumerate(kept, start=1):
+        number = len(parts) + 1
+        name = one.label.split(".")[0].strip() or "part"
+        parts.append(_part(number, f"{name}.{index}", np.setdiff1d(one.faces, one.handle)))
+        joints.append(_joint(number, one))
+        if len(one.handle):
+            parts.append(_part(number + 1, f"handle.{index}.1", one.handle))
+    for index, (name, faces) in enumerate(fixed, start=len(kept) + 1):
+        parts.append(_part(len(parts) + 1, f"{name}.{index}", faces))
+    _write(folder / f"{scene}_parts.json", {"annotations": parts})
+    _write(folder / f"{scene}_artic.json", {"articulations": joints})
+
+
+def _part(number: int, label: str, faces: np.ndarray) -> dict[str, Any]:
+    return {"partId": number, "label": label, "triIndices": faces.tolist()}
+
+
+def _joint(number: int, one: Prediction) -> dict[str, Any]:
+    return {
+        "pid": number,
+        "type": one.kind,
+        "axis": one.axis.tolist(),
+        "origin": one.origin.tolist(),
+        "rangeMin": one.limits[0],
+        "rangeMax": one.limits[1],
+        "score": one.score,
+    }
+
+
+def _write(path: Path, data: dict[str, Any]) -> None:
+    path.write_text(json.dumps({"data": data}, separators=(",", ":")), encoding="utf-8")
+
+
+def _overlap(one: Prediction, other: Prediction) -> float:
+    """Return the fraction of the smaller mask that both hold."""
+    return len(np.intersect1d(one.faces, other.faces)) / min(len(one.faces), len(other.faces))

@@ -1,15 +1,39 @@
-"""Visible surfaces of a scan or a stage, or their colliders."""
+"""Rooms and their visible surfaces from any file of s2a that holds one."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from s2a import scan
 from s2a.core.errors import InputError
-from s2a.scan import any_room
 from s2a.scene.scene import Mesh, Scene
+from s2a.scene.usd import descriptive, geometric, sim_stage
+from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
+from s2a.scene.usd.stage import open_stage, read_attribute, reading
+
+Content = Scene | SimRoom | dict[str, DescribedPart]
+READERS: dict[str, Callable[[Path], Content]] = {
+    descriptive.FLAVOUR: descriptive.read,
+    geometric.FLAVOUR: geometric.read,
+    sim_stage.FLAVOUR: sim_stage.read,
+}
+
+
+def read(path: Path) -> Content | None:
+    """Read a scan's folder, or a descriptive, geometric or simulation-ready stage; None for a stage of another flavour.
+
+    Raises:
+        InputError: no such file, or a damaged one.
+    """
+    if path.is_dir():
+        return scan.read(path)
+    with reading(path):
+        stage = open_stage(path, payloads=False)  # held, since its prims end with it
+        reader = READERS.get(read_attribute(stage.GetDefaultPrim(), "flavour", str) or "")
+        return reader(path) if reader else None
 
 
 @dataclass(frozen=True)
@@ -45,7 +69,7 @@ def visible(path: Path) -> Visible:
     Raises:
         InputError: another file, or a damaged one.
     """
-    match any_room.read(path):
+    match read(path):
         case Scene() as scene:
             return _scene(scene)
         case SimRoom() as room:

@@ -1,13 +1,16 @@
-"""Recordings of a robot's own sensors: joint positions and torques."""
+"""Recordings of a robot's own sensors, and the utilisation of its limits."""
 
-# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import csv
 from pathlib import Path
 
 import torch
 import warp as wp
 
+from s2a.robot.spec import RobotSpec
+from s2a.robot.urdf import position_limits
 from s2a.sim.simulation import Simulation
+
+# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 
 
 class Recorder:
@@ -80,3 +83,97 @@ def _add(
     else:
         i = column - joints
         sums[world, column] += motor[world, i] - brake[world, i] * (qd_after[world, i] - qd_before[world, i])
+
+
+COMMANDED = ("commanded_velocity", "commanded_acceleration", "commanded_finger_speed")
+MEASURED = ("position", "velocity", "acceleration", "torque", "finger_speed")
+
+
+class Limits:
+    """A robot's limits as tensors."""
+
+    def __init__(self, spec: RobotSpec, device: str) -> None:
+        """Read them; the fingers have one of speed alone."""
+        self._arm, self._finger = len(spec.arm_joints), spec.gripper.finger_speed
+        lower, upper = torch.tensor(position_limits(spec), dtype=torch.float32, device=device)
+        self._middle, self._range = (lower + upper) / 2, (upper - lower) / 2
+        limits = (spec.limits.velocity, spec.limits.acceleration, spec.limits.torque)
+        self._velocity, self._acceleration, self._torque = (
+            torch.tensor(x, dtype=torch.float32, device=device) for x in limits
+        )
+
+    def fractions(
+        self,
+        command: torch.Tensor,
+        command_change: torch.Tensor,
+        joints: torch.Tensor,
+        speed: torch.Tensor,
+        speed_change: torch.Tensor,
+        torque: torch.Tensor,
+    ) -> dict[str, torch.Tensor]:
+        """Return the fraction of each limit that is used, with its sign, by name of COMMANDED and MEASURED; shape [row joint].
+
+        Args:
+            command: speed of the targets of all joints, shape [row joint].
+            command_change: its change a second.
+            joints: positions.
+            speed: of the joints.
+            speed_change: its change a second.
+            torque: of the arm's motors first, shape [row motor].
+        """
+        arm = self._arm
+        return {
+            "commanded_velocity": command[:, :arm] / self._velocity,
+            "commanded_acceleration": command_change[:, :arm] / self._acceleration,
+            "commanded_finger_speed": command[:, arm:] / self._finger,
+            "position": ((joints - self._middle) / self._range)[:, :arm],
+            "velocity": speed[:, :arm] / self._velocity,
+            "acceleration": speed_change[:, :arm] / self._acceleration,
+            "torque": torque[:, :arm] / self._torque,
+            "finger_speed": speed[:, arm:] / self._finger,
+        }
+
+
+class LimitUse:
+    """Largest fraction of every limit over all worlds and control steps.
+
+    Velocities and accelerations are differences over control steps; torque is the motors'.
+
+    Attributes:
+        peaks: fraction of each limit by joint, of every arm joint or finger, by name of COMMANDED and MEASURED.
+    """
+
+    def __init__(self, sim: Simulation) -> None:
+        """Begin with what the worlds are doing; they count as freshly reset."""
+        self._sim, spec = sim, sim.robot
+        self._limits, self._joints = Limits(spec, sim.device), len(spec.joints)
+        self._rate = sim.config.control_frequency
+        sizes = {name: 2 if "finger" in name else len(spec.arm_joints) for name in (*COMMANDED, *MEASURED)}
+        self.peaks = {name: torch.zeros(size, device=sim.device) for name, size in sizes.items()}
+        self._remember()
+        self._last_command = torch.zeros_like(self._last_target)
+
+    def watch(self, reset: torch.Tensor) -> None:
+        """Look at the worlds after a control step; those that were reset in it ([world], bool) only begin again."""
+        target, speed = self._sim.joint_target_q[:, : self._joints], self._sim.joint_qd[:, : self._joints]
+        command = torch.where(reset[:, None], 0.0, (target - self._last_target) * self._rate)
+        change, gained = (command - self._last_command) * self._rate, (speed - self._last_speed) * self._rate
+        joints = self._sim.joint_q[:, : self._joints]
+        used = self._limits.fractions(command, change, joints, speed, gained, self._motors())
+        for name, fraction in used.items():
+            seen = torch.where(reset[:, None], 0.0, fraction.abs()).amax(dim=0)
+            self.peaks[name] = torch.maximum(self.peaks[name], seen)
+        self._remember()
+        self._last_command = command
+
+    def fractions(self) -> dict[str, float]:
+        """Return the largest fraction of each limit, of the worst joint."""
+        return {name: float(peak.max()) for name, peak in self.peaks.items()}
+
+    def _remember(self) -> None:
+        self._last_target = self._sim.joint_target_q[:, : self._joints].clone()
+        self._last_speed = self._sim.joint_qd[:, : self._joints].clone()
+
+    def _motors(self) -> torch.Tensor:
+        """Return the motors' torques [N m] in the last physics step, shape [world dof]."""
+        return wp.to_torch(self._sim.solver.mjw_data.qfrc_actuator)

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from s2a.scene.articulation import lever_arm, opening_sign
-from s2a.scene.usd.resistance import SoftClose
+from s2a.scene.usd.joints import SoftClose
 from s2a.sim.world import SimStage, axis_of
 
 STRIBECK = wp.constant(0.05)

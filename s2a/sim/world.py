@@ -124,7 +124,7 @@ class SimStage:
         pedestal: height and radius of the column under the robot's base [m]; no height: it stands on the floor.
         robot: name of the robot that the base pose is for.
         also: ids of further parts and free objects that move; everything else of the room is frozen at its scanned pose.
-        estimates: what was made of camera frames of the part (`s2a.tasks.part_description`), of which a policy is told one in
+        estimates: what was made of camera frames of the part (`s2a.tasks.mdp.seen`), of which a policy is told one in
             each episode, shape [frame number]; None: it is told the truth.
         push: pose of the tool, closed, in which it pushes the part instead of holding it, at joint zero, 7-vector, scene frame.
         room: all of the file but its visuals.

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.core.bounds import Fraction, Positive
 from s2a.motion import put_in
-from s2a.motion.insides import at_zero
+from s2a.motion.places import at_zero
 from s2a.motion.trajectory import Trajectory
 from s2a.scene.articulation import lever_arm, travel
 from s2a.sim.world import SimStage, axis_of

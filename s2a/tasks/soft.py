@@ -26,7 +26,7 @@ from s2a.robot.spec import GripperSpec, RobotSpec
 from s2a.robot.tool_path import matrix
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import Collider, Mass, SimBody, SimRoom, in_scene
-from s2a.sim.limit_use import Limits
+from s2a.sim.recorder import Limits
 from s2a.sim.soft import RATE, SoftSimulation
 from s2a.sim.soft_body import SoftBody
 from s2a.sim.soft_config import SoftConfig
@@ -238,7 +238,7 @@ def run_trial(
     """Simulate a trial from a noisy start of the arm; return its outcome.
 
     That is the columns of `soft_metrics`, the seconds that it took, and as `limit_use` the largest fraction of each limit of the
-    robot, as `s2a.sim.limit_use` has them.
+    robot, as `s2a.sim.recorder` has them.
 
     Args:
         trial: what is done.

@@ -17,7 +17,7 @@ from s2a.annotate.editor import Editor
 from s2a.annotate.region import GrowConfig
 from s2a.commands import cli
 from s2a.core import config
-from s2a.scan.ply_writer import write_ply
+from s2a.scan.ply_file import write_ply
 
 GROW = config.load(GrowConfig, config.file("annotate")["grow"])
 DRAWER = np.array([(0, y, z) for y, z in ((-0.71, 0.613), (-0.11, 0.613), (-0.11, 0.787), (-0.71, 0.787))], float)

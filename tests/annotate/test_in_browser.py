@@ -17,10 +17,10 @@ from s2a import scan  # noqa: E402
 from s2a.annotate import files  # noqa: E402
 from s2a.annotate.annotation import Draft  # noqa: E402
 from s2a.annotate.editor import Editor  # noqa: E402
-from s2a.annotate.page import serve  # noqa: E402
+from s2a.annotate.page import panel  # noqa: E402
 from s2a.annotate.region import GrowConfig  # noqa: E402
 from s2a.core import config  # noqa: E402
-from s2a.scan.evidence.bounds import Bounds  # noqa: E402
+from s2a.scan.evidence.finding import Bounds  # noqa: E402
 from s2a.scene.geometry.camera import CameraPose  # noqa: E402
 
 pytestmark = [
@@ -53,17 +53,17 @@ def page(room: files.BareScan, visitor: browser.Page, tmp_path: Path) -> Iterato
         return "saved it"
 
     view = CameraPose(tuple(EYE), tuple(TARGET))
-    with serve.served(editor, "board", save, BOUNDS, 10**6, view, FOV, 8450) as address:
+    with panel.served(editor, "board", save, BOUNDS, 10**6, view, FOV, 8450) as address:
         visitor.open(address)
         visitor.wait(lambda: "Click a front" in visitor.text(), 30.0)
-        visitor.wait(lambda: (visitor.image()[:, : WIDTH - serve.WIDTH] < 245).any(axis=-1).mean() > 0.1, 30.0)
+        visitor.wait(lambda: (visitor.image()[:, : WIDTH - panel.WIDTH] < 245).any(axis=-1).mean() > 0.1, 30.0)
         yield visitor
         assert visitor.errors() == []
         visitor.open("about:blank")
 
 
 def pixel(point: tuple[float, float, float]) -> np.ndarray:
-    return browser.pixel(np.array(point), EYE, TARGET, FOV, (WIDTH - serve.WIDTH, HEIGHT))
+    return browser.pixel(np.array(point), EYE, TARGET, FOV, (WIDTH - panel.WIDTH, HEIGHT))
 
 
 def test_a_drawer_by_a_click_a_drag_and_a_click(page: browser.Page, tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_nothing_is_cut_or_covered(room: files.BareScan, width: int, height: int
     view = CameraPose(tuple(EYE), tuple(TARGET))
     with (
         browser.browser(width, height) as page,
-        serve.served(
+        panel.served(
             Editor(Draft(room.surface), GROW), "board", lambda _: "", BOUNDS, 10**6, view, FOV, 8450
         ) as address,
     ):

@@ -9,7 +9,7 @@ import proposal_network
 import pytest
 import torch
 
-from s2a.annotate.propose import run
+from s2a.annotate.propose import fronts
 from s2a.annotate.propose.fronts import CellBox
 from s2a.annotate.propose.layers import ProposeConfig, layers, spread
 from s2a.annotate.propose.network import MOTIONS
@@ -24,7 +24,7 @@ def test_the_truth_of_a_motion_is_that_motion(motion) -> None:
     mesh = plain_room.room()
     (layer, *_) = layers(spread(SplitSurface.of(mesh.vertices, mesh.faces, mesh.colors), PROPOSE.density), PROPOSE)
     box = CellBox(10, 10, 70, 50)
-    joint = run._joint(run._rectangle(layer, box), motion)
+    joint = fronts._joint(fronts._rectangle(layer, box), motion)
     found = proposal_images._motion(layer, joint, np.array([10, 10]), np.array([70, 50]))
     assert MOTIONS[found] == motion
 

@@ -13,11 +13,10 @@ import torch
 from s2a import scan
 from s2a.annotate import files
 from s2a.annotate.annotation import Item
-from s2a.annotate.propose import run
-from s2a.annotate.propose.fronts import CellBox, SeenFront, fronts
+from s2a.annotate.propose import fronts as run
+from s2a.annotate.propose.fronts import CellBox, SeenFront, fronts, propose
 from s2a.annotate.propose.layers import Layer, Points, ProposeConfig, layers
 from s2a.annotate.propose.network import CHANNELS, COARSE, FILE, MOTIONS, MULTIPLE, FrontNetwork, image, load
-from s2a.annotate.propose.run import propose
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.commands import cli

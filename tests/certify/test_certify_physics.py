@@ -16,7 +16,7 @@ from seeded_defects import JOINT, STATIC_DEFECTS, TARGET, attribute, edit, nan_p
 from settings import load
 
 from s2a import robot
-from s2a.certify import contents, finger_gap, physics_grip, physics_motion
+from s2a.certify import contents, finger_gap, physics, physics_motion
 from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.certify.physics import MujocoWorld
 from s2a.scene.scene import Mesh
@@ -99,7 +99,7 @@ def test_what_turns_about_its_own_grasp_point_gets_an_answer_too(stage: Path) ->
     )
     assert world.lever_arm == 0.0
     # Half of its 0.4 rad are tried, at which the model's drawer stands 0.2 m out, around the hand.
-    assert physics_grip.grip(world, CONFIG.grip).prim.startswith(f"{TARGET}/colliders")
+    assert physics.grip(world, CONFIG.grip).prim.startswith(f"{TARGET}/colliders")
 
 
 def test_the_way_of_a_body_is_that_of_its_farthest_point() -> None:
@@ -151,7 +151,7 @@ def test_dry_friction_that_holds_a_part_lets_it_not_creep(stage: Path) -> None:
 
 
 def test_the_hand_holds_a_bar_of_known_thickness(stage: Path) -> None:
-    attempt = physics_grip.grip(MujocoWorld(stage, CONFIG.physics), CONFIG.grip)
+    attempt = physics.grip(MujocoWorld(stage, CONFIG.physics), CONFIG.grip)
     width = int(attempt.message.split(" mm")[0])
     assert attempt.holds and width in (23, 24)  # the bar is 23.8 mm high; contacts give way by tenths of a millimetre
     assert 0.0 <= attempt.slip < CONFIG.grip.slip
@@ -160,7 +160,7 @@ def test_the_hand_holds_a_bar_of_known_thickness(stage: Path) -> None:
 def test_what_falls_shut_is_held_open_until_the_hand_has_closed(stage: Path) -> None:
     edit(stage, upright)
     # In the 0.6 s in which the hand closes it would fall all the 50 mm that it is open.
-    attempt = physics_grip.grip(MujocoWorld(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0, pull_time=0.0))
+    attempt = physics.grip(MujocoWorld(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0, pull_time=0.0))
     assert attempt.holds and attempt.message.startswith("23 mm")
 
 
@@ -169,16 +169,16 @@ def test_a_load_along_the_way_of_the_fingers_is_held_by_their_gear(stage: Path) 
     # Of the weight of 52.2 N each finger's gear takes half: 26.1 N / 20 kN/m = 1.3 mm, and the contacts give way by tenths of a
     # millimetre. Above 60 N the fingers are pushed open.
     world, weight = MujocoWorld(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0)
-    assert 0.0013 < physics_grip.grip(world, weight).slip < CONFIG.grip.slip
-    assert physics_grip.grip(world, replace(weight, gear=0.0)).slip > 0.02
-    assert not physics_grip.grip(world, CONFIG.grip).holds
+    assert 0.0013 < physics.grip(world, weight).slip < CONFIG.grip.slip
+    assert physics.grip(world, replace(weight, gear=0.0)).slip > 0.02
+    assert not physics.grip(world, CONFIG.grip).holds
 
 
 def test_a_pull_beyond_friction_slips(stage: Path) -> None:
     # Two fingers of 30 N at a friction coefficient of 1 hold 60 N.
     world = MujocoWorld(stage, CONFIG.physics)
-    assert physics_grip.grip(world, replace(CONFIG.grip, pull=55.0)).holds
-    assert not physics_grip.grip(world, replace(CONFIG.grip, pull=65.0)).holds
+    assert physics.grip(world, replace(CONFIG.grip, pull=55.0)).holds
+    assert not physics.grip(world, replace(CONFIG.grip, pull=65.0)).holds
 
 
 def test_colliders_that_fill_what_the_scan_leaves_free_are_named(stage: Path) -> None:
@@ -186,7 +186,7 @@ def test_colliders_that_fill_what_the_scan_leaves_free_are_named(stage: Path) ->
     edit(stage, swallowed_gap)
     room = finger_gap.gap(stage, contents.read(stage), PANDA.gripper)
     assert room.graspable(CONFIG.gap) and room.fill_ratio > 0.5
-    attempt = physics_grip.grip(MujocoWorld(stage, CONFIG.physics), CONFIG.grip)
+    attempt = physics.grip(MujocoWorld(stage, CONFIG.physics), CONFIG.grip)
     assert not attempt.holds and attempt.prim == f"{TARGET}/colliders/hull_00"
 
 

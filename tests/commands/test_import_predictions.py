@@ -13,7 +13,8 @@ import textured_room
 
 from s2a.commands import cli
 from s2a.core.errors import InputError
-from s2a.scan import ply, safe_pickle
+from s2a.scan import ply
+from s2a.scan import predictions as safe_pickle
 
 
 @pytest.fixture
@@ -119,7 +120,7 @@ def test_a_pickle_runs_no_code(tmp_path: Path, protocol: int) -> None:
     for bad in (Shell(f"touch {proof}"), {"a": [Evaluated()]}, np.array([Shell(f"touch {proof}")], dtype=object), Path):
         (tmp_path / "p.pkl").write_bytes(pickle.dumps(bad, protocol))
         with pytest.raises(InputError, match="may run code|array of objects"):
-            safe_pickle.read(tmp_path / "p.pkl")
+            safe_pickle.read_pickle(tmp_path / "p.pkl")
     assert not proof.exists()
 
 
@@ -129,14 +130,14 @@ def test_a_pickle_runs_no_code(tmp_path: Path, protocol: int) -> None:
 def test_other_functions_of_allowed_modules_are_refused(tmp_path: Path, text: bytes) -> None:
     (tmp_path / "p.pkl").write_bytes(text)
     with pytest.raises(InputError, match="may run code"):
-        safe_pickle.read(tmp_path / "p.pkl")
+        safe_pickle.read_pickle(tmp_path / "p.pkl")
 
 
 @pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
 def test_plain_arrays_come_through(tmp_path: Path, protocol: int) -> None:
     content = {"a": np.arange(6.0).reshape(2, 3), "b": [np.float32(1.5), "text", {"c": (1, None, True)}]}
     (tmp_path / "p.pkl").write_bytes(pickle.dumps(content, protocol))
-    found = safe_pickle.read(tmp_path / "p.pkl")
+    found = safe_pickle.read_pickle(tmp_path / "p.pkl")
     assert np.array_equal(found["a"], content["a"]) and found["b"] == content["b"]
 
 
@@ -154,11 +155,11 @@ def forged(state: tuple[object, ...], data: object) -> bytes:
 def test_an_array_that_claims_to_hold_objects_holds_numbers(tmp_path: Path) -> None:
     """By the flags (63) numpy's own type takes the numbers for addresses."""
     (tmp_path / "p.pkl").write_bytes(forged((3, "|", None, None, None, 8, 8, 63), np.array([1, 2]).tobytes()))
-    found = safe_pickle.read(tmp_path / "p.pkl")
+    found = safe_pickle.read_pickle(tmp_path / "p.pkl")
     assert found.tolist() == [1, 2] and not found.dtype.hasobject
     (tmp_path / "p.pkl").write_bytes(forged((3, "|", None, None, None, 8, 8, 63), [1, 2]))
     with pytest.raises(InputError, match="not a pickle"):
-        safe_pickle.read(tmp_path / "p.pkl")
+        safe_pickle.read_pickle(tmp_path / "p.pkl")
 
 
 def test_byte_orders_and_fortran_order_are_kept(tmp_path: Path) -> None:
@@ -168,11 +169,11 @@ def test_byte_orders_and_fortran_order_are_kept(tmp_path: Path) -> None:
         np.zeros((0, 3)),
     ):
         (tmp_path / "p.pkl").write_bytes(pickle.dumps(content))
-        assert np.array_equal(safe_pickle.read(tmp_path / "p.pkl"), content)
+        assert np.array_equal(safe_pickle.read_pickle(tmp_path / "p.pkl"), content)
 
 
 @pytest.mark.parametrize("data", [b"", b"not a pickle", pickle.dumps(np.arange(9))[:-20]])
 def test_what_is_damaged_is_said(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "p.pkl").write_bytes(data)
     with pytest.raises(InputError, match="truncated or not a pickle"):
-        safe_pickle.read(tmp_path / "p.pkl")
+        safe_pickle.read_pickle(tmp_path / "p.pkl")

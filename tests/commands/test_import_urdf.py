@@ -12,7 +12,7 @@ import trimesh
 from trimesh.transformations import rotation_matrix
 
 from s2a.commands import cli
-from s2a.scan import urdf_links
+from s2a.scan import urdf_object
 
 CENTER, SIZE, YAW = np.array([2.0, 1.0, 0.45]), np.array([0.6, 0.8, 0.9]), math.pi / 2
 BOX = f"box=[{','.join(f'{x:g}' for x in (*CENTER, *SIZE))},{YAW:.6f}]"
@@ -153,7 +153,7 @@ def test_a_damaged_urdf_is_one_line(urdf: str, problem: str, scan: Path, capsys:
 def test_a_huge_urdf_is_not_read(
     scan: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(urdf_links, "MAX_BYTES", 100)
+    monkeypatch.setattr(urdf_object, "MAX_BYTES", 100)
     assert imported(scan, URDF) == 2 and "no URDF of one object" in capsys.readouterr().err
 
 

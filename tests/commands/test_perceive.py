@@ -12,13 +12,13 @@ from cabinet import write_cabinet
 from settings import load
 
 from s2a.commands import cli
-from s2a.learn.perception import cloud
+from s2a.learn.perception import depth_camera
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
 from s2a.learn.perception.estimate import read_estimates
 from s2a.scene.usd import sim_stage
 from s2a.sim import pool
 from s2a.sim.world import read_stage
-from s2a.tasks.part_description import NUMBERS
+from s2a.tasks.mdp.seen import NUMBERS
 
 SMALL = ["network.steps=4", "network.batch=4", "network.points=64", "network.width=16", "folds=2", "device=cpu"]
 
@@ -29,8 +29,9 @@ def index(tmp_path: Path) -> Path:
     camera = load(DepthCameraConfig, "depth_camera/default", points=128)
     for name in ("one", "two"):
         path = write_cabinet(tmp_path / f"{name}.usda")
-        cloud.save(
-            cloud.take(VisibleRoom(sim_stage.read(path)), read_stage(path), camera, 2, 0), tmp_path / f"{name}.npz"
+        depth_camera.save(
+            depth_camera.take(VisibleRoom(sim_stage.read(path)), read_stage(path), camera, 2, 0),
+            tmp_path / f"{name}.npz",
         )
         entries.append(pool.PoolPart(f"{name}.usda", "drawer_2", "prismatic", "bar", "none.npz", f"{name}.npz"))
     pool.write(tmp_path / "pool.json", entries, {}, {"first": 0})

@@ -10,8 +10,8 @@ from cabinet import box
 from drawer_room import DEPTH, FLOOR, HALF_WIDTH, WALL_TOP, drawer_room
 
 from s2a.core.errors import InputError
-from s2a.motion.insides import BESIDE, at_zero, inside_of, inside_placements
 from s2a.motion.obstacles import moved_room
+from s2a.motion.places import BESIDE, at_zero, inside_of, inside_placements
 
 
 def test_the_inside_ends_at_the_walls_and_at_the_lowest_wall_s_top(tmp_path: Path) -> None:

@@ -18,8 +18,7 @@ from s2a.core.errors import InputError
 from s2a.prepare.free_objects import free_object, free_objects
 from s2a.prepare.room import PrepareConfig, prepare
 from s2a.prepare.room_hulls import level_top
-from s2a.scene.geometry.closed_solid import border, close, drop_small_components, loops
-from s2a.scene.geometry.convex import APART, box, deepest
+from s2a.scene.geometry.convex import APART, border, box, close, deepest, drop_small_components, loops
 from s2a.scene.geometry.mesh_ops import keep, merge
 from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
 from s2a.scene.scene import Joint, Mesh, Part, Scene

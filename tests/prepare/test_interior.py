@@ -13,9 +13,9 @@ from pxr import Usd
 from scanned_drawers import scanned_drawer
 from settings import load
 
-from s2a.prepare.interior import cabinet_walls, drawer_box
+from s2a.prepare.grasp import find_target
+from s2a.prepare.mass import cabinet_walls, drawer_box
 from s2a.prepare.room import PrepareConfig, prepare
-from s2a.prepare.target import find_target
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals
 from s2a.scene.scene import Joint, Mesh, Scene

@@ -11,10 +11,9 @@ import pytest
 from closeness import gap_points, surface_distance
 from settings import load
 
-from s2a.prepare.grasp import find_grasp
+from s2a.prepare.grasp import find_grasp, find_target
 from s2a.prepare.part_hulls import find_handle, target_colliders
 from s2a.prepare.room import PrepareConfig
-from s2a.prepare.target import find_target
 from s2a.scene.geometry.front_panel import fraction_inside
 from s2a.scene.geometry.mesh_ops import merge, sample
 from s2a.scene.scene import Scene

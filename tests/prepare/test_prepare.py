@@ -19,8 +19,8 @@ from s2a import robot
 from s2a.core.errors import InputError
 from s2a.motion.gripper import gripper_spheres
 from s2a.prepare.base_pose import find_base
-from s2a.prepare.cabinet import cabinet_body
 from s2a.prepare.grasp import find_grasp
+from s2a.prepare.part_hulls import cabinet_body
 from s2a.prepare.room import PrepareConfig, prepare
 from s2a.robot.tool_path import matrix
 from s2a.scene.geometry.convex import box, column, overlap, sweep

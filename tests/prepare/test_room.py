@@ -11,8 +11,8 @@ from nested_room import INNER, LONE, nested_room, quick
 
 from s2a.core.errors import InputError
 from s2a.prepare import part as parts_module
+from s2a.prepare.grasp import bodies, find_target, parent_body
 from s2a.prepare.room import prepare
-from s2a.prepare.target import bodies, find_target, parent_body
 from s2a.scene.geometry.convex import overlap, sweep
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import SimRoom

@@ -18,8 +18,8 @@ from s2a.certify.static import joint_limits
 from s2a.commands import prepare as verb
 from s2a.core import config as configuration
 from s2a.core.errors import InputError
+from s2a.prepare.grasp import target_joint
 from s2a.prepare.room import PrepareConfig, prepare
-from s2a.prepare.target import target_joint
 from s2a.scene.articulation import displace, opening_direction
 from s2a.scene.geometry.convex import box, contains, deepest, overlap, sweep
 from s2a.scene.scene import Joint, Mesh, Part, Scene, Vec3

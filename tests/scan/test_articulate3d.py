@@ -12,8 +12,8 @@ import pytest
 import tiny_scan
 from tiny_scan import corners, read, triangles
 
-from s2a.scan.cut import cut
 from s2a.scan.ply import ScanMesh
+from s2a.scan.rest import cut
 from s2a.scene.scene import Joint
 
 REAL_DATA = os.environ.get("S2A_REAL_DATA")

@@ -11,7 +11,7 @@ import trimesh
 from pxr import Gf, Usd, UsdGeom
 
 from s2a.core.errors import InputError
-from s2a.scan import box_files
+from s2a.scan import labelled_boxes
 
 POSE = trimesh.transformations.rotation_matrix(0.6, (0, 1, 0), (1.0, 0.4, -2.0))
 """Of a storage of 0.8 x 0.9 x 0.5, y up."""
@@ -60,14 +60,14 @@ WRITERS = {"a.json": roomplan_json, "a.usdz": roomplan_usdz, "b.json": arkitscen
 @pytest.mark.parametrize("name", WRITERS)
 def test_every_layout_gives_the_same_box(tmp_path: Path, name: str) -> None:
     path = WRITERS[name](tmp_path / name)
-    assert box_files.recognise(path)
-    box = box_files.read(path)[0]
+    assert labelled_boxes.recognise_boxes(path)
+    box = labelled_boxes.read_boxes(path)[0]
     assert box.label == "storage" and box.center == pytest.approx(POSE[:3, 3], abs=1e-6)
     assert box.axes == pytest.approx(POSE[:3, :3].T, abs=1e-6) and box.size == pytest.approx(SIZE, abs=1e-6)
 
 
 def test_labels_are_words_and_walls_are_flat(tmp_path: Path) -> None:
-    boxes = box_files.read(roomplan_json(tmp_path / "room.json"))
+    boxes = labelled_boxes.read_boxes(roomplan_json(tmp_path / "room.json"))
     assert [(box.label, box.is_flat) for box in boxes] == [("storage", False), ("washer dryer", False), ("wall", True)]
 
 
@@ -84,5 +84,5 @@ def test_labels_are_words_and_walls_are_flat(tmp_path: Path) -> None:
 def test_damage_is_one_line(tmp_path: Path, text: str, word: str) -> None:
     (tmp_path / "room.json").write_text(text)
     with pytest.raises(InputError, match=word) as error:
-        box_files.read(tmp_path / "room.json")
+        labelled_boxes.read_boxes(tmp_path / "room.json")
     assert "\n" not in str(error.value)

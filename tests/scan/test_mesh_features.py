@@ -9,7 +9,7 @@ import pytest
 from mesh_features import FEATURES, Feature, table
 
 from s2a.core.errors import InputError
-from s2a.scan import mesh_files
+from s2a.scan import source
 from s2a.scan.bake import bake
 
 DOCS = Path(__file__).parents[2] / "docs" / "own_scan.md"
@@ -26,12 +26,12 @@ def test_a_file_is_read_as_its_format_says(feature: Feature, tmp_path: Path, cap
     feature.write(path)
     if feature.refused:
         with pytest.raises(InputError) as caught:
-            mesh_files.read(path)
+            source.read(path)
         assert "\n" not in str(caught.value) and all(
             word in str(caught.value) for word in (path.name, *feature.refused)
         )
         return
-    mesh = mesh_files.read(path)
+    mesh = source.read(path)
     assert all(word in caplog.text for word in feature.warned), caplog.text
     assert bool(caplog.records) == bool(feature.warned), caplog.text
     corners = mesh.vertices[mesh.faces]
@@ -60,7 +60,7 @@ def test_damaged_files_are_read_or_refused_but_never_crash(format: str, seed: in
             data[place] = rng.integers(256)
         path.write_bytes(data[: rng.integers(len(data))] if rng.random() < 0.2 else data)
         try:
-            bake(mesh_files.read(path), np.inf)
+            bake(source.read(path), np.inf)
         except InputError as error:
             assert "\n" not in str(error) and path.name in str(error)
 

@@ -14,8 +14,8 @@ import tiny_scan
 from tiny_scan import COLORS, assert_refused, corners, triangles
 
 from s2a import scan
-from s2a.scan import multiscan_objects
 from s2a.scan.formats import multiscan
+from s2a.scan.formats import multiscan as multiscan_objects
 from s2a.scene.scene import Joint, Mesh, Scene
 from s2a.scene.usd import geometric
 
@@ -156,7 +156,7 @@ def test_the_scene_survives_the_geometric_stage(tmp_path):
 def annotated(path):
     """Return the annotation in a folder as a scene without surfaces: what is to be had of real data without meshes."""
     files = multiscan._find(path)
-    items = multiscan_objects.read(files.annotations).items
+    items = multiscan_objects.read_objects(files.annotations).items
     empty = Mesh(np.empty((0, 3)), np.empty((0, 3)))
     return Scene(files.name, multiscan._parts(items, dict.fromkeys(items, empty), np.zeros(3), set()))
 

@@ -18,9 +18,10 @@ from settings import load
 
 from s2a import scan
 from s2a.homes import files
-from s2a.homes.annotate import AnnotationConfig, annotated_joints
+from s2a.homes.capture import AnnotationConfig, annotated_joints
 from s2a.homes.catalog import Entry, cad, catalog, clean_scene
 from s2a.homes.furnishing import HOMES, home
+from s2a.scan.ply_file import write_ply
 from s2a.scene.scene import Joint, Mesh, Scene
 
 NAME = "0123456789"
@@ -71,7 +72,7 @@ def write(folder: Path, entries: list[Entry], joints: dict[int, Joint]) -> Path:
     surface, numbers = cad(entries)
     labelled = (NAME, surface.mesh, numbers, entries)
     folder.mkdir(parents=True)
-    files.write_ply(folder / "mesh_aligned_0.05.ply", surface.mesh)
+    write_ply(folder / "mesh_aligned_0.05.ply", surface.mesh)
     files.write_json(folder / "segments.json", {"segIndices": list(range(len(surface.vertices)))})
     files.write_json(folder / "segments_anno.json", files.segment_groups(*labelled))
     files.write_json(folder / f"{NAME}_parts.json", files.parts_record(*labelled))
@@ -141,7 +142,7 @@ def test_the_loaders_own_smallest_example_reads_as_it_says(tmp_path: Path) -> No
     ]
     joint = {"pid": 3, "type": "rotation", "origin": [0, 0, 0], "axis": [0, 0, 1], "base": [1]}
     joint |= {"rangeMin": 0.0, "rangeMax": 1.57}
-    files.write_ply(tmp_path / "mesh_aligned_0.05.ply", mesh)
+    write_ply(tmp_path / "mesh_aligned_0.05.ply", mesh)
     stats = {"totalFaces": 4, "totalVertices": 12}
     files.write_json(tmp_path / f"{NAME}_parts.json", {"data": {"stats": stats, "annotations": annotations}})
     files.write_json(tmp_path / f"{NAME}_artic.json", {"data": {"articulations": [joint]}})

@@ -15,7 +15,8 @@ import trimesh
 from s2a import scan as scans
 from s2a.commands import cli
 from s2a.core.errors import InputError
-from s2a.scan import labelled_boxes, quest_file
+from s2a.scan import labelled_boxes
+from s2a.scan import labelled_boxes as quest_file
 
 Z_TO_Y = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
 """From z up to the scene's y up."""
@@ -70,8 +71,8 @@ def scene(path: Path) -> trimesh.Trimesh:
 
 def test_mesh_and_boxes_lie_where_they_are(tmp_path: Path) -> None:
     mesh = scene(tmp_path / "room.json")
-    assert quest_file.recognise(tmp_path / "room.json")
-    found, boxes = quest_file.read(tmp_path / "room.json")
+    assert quest_file.recognise_quest(tmp_path / "room.json")
+    found, boxes = quest_file.read_quest(tmp_path / "room.json")
     y_up = trimesh.transform_points(mesh.vertices, Z_TO_Y)
     assert found.vertices == pytest.approx(y_up, abs=1e-5) and (found.faces == mesh.faces).all()
     assert (found.stated.up, found.stated.unit) == ("y", 1.0)
@@ -104,10 +105,10 @@ def test_a_cut_file_is_one_line(tmp_path: Path, keep: float) -> None:
     data = (tmp_path / "room.json").read_bytes()
     (tmp_path / "room.json").write_bytes(data[: int(keep * len(data))])
     with pytest.raises(InputError, match="truncated or damaged") as error:
-        quest_file.read(tmp_path / "room.json")
+        quest_file.read_quest(tmp_path / "room.json")
     assert "\n" not in str(error.value)
 
 
 def test_another_json_file_is_none(tmp_path: Path) -> None:
     (tmp_path / "room.json").write_text('{"walls": []}')
-    assert not quest_file.recognise(tmp_path / "room.json")
+    assert not quest_file.recognise_quest(tmp_path / "room.json")

@@ -9,7 +9,7 @@ import torch
 from cabinet import write_cabinet
 from settings import load
 
-from s2a.sim.limit_use import LimitUse
+from s2a.sim.recorder import LimitUse
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 

@@ -14,7 +14,7 @@ from s2a.core.errors import InputError
 from s2a.scene.articulation import lever_arm
 from s2a.scene.scene import Joint
 from s2a.scene.usd import sim_stage
-from s2a.scene.usd.resistance import Resistance, SoftClose
+from s2a.scene.usd.joints import Resistance, SoftClose
 from s2a.scene.usd.stage import open_stage, write_attribute
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import axis_of, read_stage

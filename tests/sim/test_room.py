@@ -21,8 +21,7 @@ from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import Base, Collider
 from s2a.sim import nearby
-from s2a.sim.build import WorldSettings, build_worlds
-from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.simulation import SimConfig, Simulation, WorldSettings, build_worlds
 from s2a.sim.world import JointConfig, SimStage, build_world, read_stage
 
 FREE = JointConfig(0.0, 0.0, "grasp")

@@ -14,7 +14,7 @@ import browser
 import numpy as np
 
 from s2a.annotate import files, region
-from s2a.annotate.page import serve, shown
+from s2a.annotate.page import panel, shown
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.commands.annotate import START
@@ -42,8 +42,8 @@ class Person:
         self.actions = 0
 
     def pixel(self, point: np.ndarray) -> np.ndarray:
-        found = browser.pixel(point, self.eye, self.target, self.fov, (WIDTH - serve.WIDTH, HEIGHT))
-        assert (found > 0).all() and (found < (WIDTH - serve.WIDTH, HEIGHT)).all(), "out of sight"
+        found = browser.pixel(point, self.eye, self.target, self.fov, (WIDTH - panel.WIDTH, HEIGHT))
+        assert (found > 0).all() and (found < (WIDTH - panel.WIDTH, HEIGHT)).all(), "out of sight"
         return found
 
     def click(self, point: np.ndarray) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from s2a.scan.folder import MESH
-from s2a.scan.ply_writer import write_ply
+from s2a.scan.ply_file import write_ply
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh
 

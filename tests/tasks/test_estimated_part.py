@@ -19,7 +19,7 @@ from s2a.motion.settings import PlannerConfig
 from s2a.scene.scene import Joint
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.env import VecEnv
-from s2a.tasks.part_description import Description, of_vector, truth
+from s2a.tasks.mdp.seen import Description, of_vector, truth
 
 HINGE = Joint("revolute", (0.0, 0.0, 1.0), (HANDLE[0] - 0.02, 0.37, 0.7), (0.0, 1.2))
 

@@ -16,7 +16,7 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.learn.evaluate import baseline, rate
 from s2a.tasks.open_part import OpenPart
-from s2a.view.playback import played
+from s2a.view.playback import states
 
 
 def settings(*keys: str) -> verb.Config:
@@ -48,7 +48,7 @@ def test_states_are_those_of_each_world_and_can_be_played(tmp_path: Path) -> Non
     stage, file = write_cabinet(tmp_path / "sim.usda"), tmp_path / "states.npz"
     keys = (f"stage={stage}", f"out={tmp_path / 'random.json'}", "agent=random", "num_envs=3", "task.episode_steps=6")
     verb.run(settings(*keys, "device=cpu", f"states={file}"))
-    seen = played.read(file, stage, 1, 4)
+    seen = states.read_played(file, stage, 1, 4)
     assert seen.names == ["world 1", "world 2"] and seen.rate == pytest.approx(60.0)
     assert len({len(each) for each in seen.joints}) == 1 and seen.joints[0].shape[1] == 9
     # Random actions, and starts that noise makes differ: no two worlds are alike, and each moves.

@@ -13,8 +13,8 @@ from drawer_room import FLOOR, START, drawer_room
 from settings import load
 
 from s2a import tasks
-from s2a.motion.insides import Inside, inside_of
 from s2a.motion.pick_plan import PickPlan
+from s2a.motion.places import Inside, inside_of
 from s2a.motion.put_in import PutPlan, PutStage
 from s2a.scene.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from threading import RLock, Thread
 from typing import Any
 
@@ -17,11 +18,13 @@ from s2a.annotate.handle import SHAPES
 from s2a.annotate.page import shown as pick
 from s2a.annotate.page.shown import Shown
 from s2a.core.errors import InputError
-from s2a.scan.evidence.bounds import Bounds
-from s2a.scan.evidence.finding import Finding
+from s2a.scan.evidence.finding import Bounds, Finding
+from s2a.scene.geometry.camera import CameraPose
 from s2a.scene.scene import Mesh
-from s2a.view.page import panel
-from s2a.view.page.room import unit
+from s2a.view.page import glb, panel
+from s2a.view.page.glb import thinned
+from s2a.view.page.room import PagePart, PageRoom, unit
+from s2a.view.page.serve import address, started
 
 FRONT, HINGE, LINE, HANDLE, RECTANGLE = "front", "hinge", "line", "handle", "rectangle"
 """What the next click, or drag, means."""
@@ -300,3 +303,36 @@ class AnnotationPanel:
 def _fill(field: viser.GuiInputHandle[Any], value: object) -> None:
     """Set a field of the page."""
     field.value = value  # type: ignore[misc] # mypy overlooks its setter
+
+
+WIDTH = 400
+"""[pixel] of the panel."""
+SCAN = "scan"
+
+
+@contextmanager
+def served(
+    editor: Editor, name: str, save: Save, bounds: Bounds, max_faces: int, view: CameraPose, fov: float, port: int
+) -> Iterator[str]:
+    """Serve the annotation page; yield its address.
+
+    Args:
+        editor: what is annotated.
+        name: of the scan.
+        save: writes an annotation and returns what to say about it.
+        bounds: of the checks.
+        max_faces: of the scan as it is shown.
+        view: where the camera begins.
+        fov: vertical field of view [rad].
+        port: of the server; the next free one where it is taken.
+    """
+    with started(view, fov, port, WIDTH) as server:
+        server.gui.set_panel_label(name)
+        server.scene.add_glb(f"/{SCAN}", glb.encode(_fewer(editor.annotation.surface.mesh(), max_faces)))
+        AnnotationPanel(server, editor, save, bounds)
+        yield address(server)
+
+
+def _fewer(mesh: Mesh, max_faces: int) -> Mesh:
+    room = PageRoom(SCAN, {SCAN: PagePart(SCAN, mesh)}, {})
+    return thinned(room, max_faces).parts[SCAN].surface

@@ -22,7 +22,7 @@ from s2a.core.progress import StdoutFilter, track
 from s2a.core.provenance import provenance
 from s2a.homes.catalog import handle_of
 from s2a.homes.sample import RoomKind, SampleConfig, sample
-from s2a.learn.perception import cloud
+from s2a.learn.perception import depth_camera as cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
 from s2a.motion.open import demonstration
 from s2a.motion.settings import PlannerConfig

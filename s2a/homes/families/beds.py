@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.homes import cloth, clutter, decor, objects
+from s2a.homes import clutter, decor, objects
+from s2a.homes import decor as cloth
 from s2a.homes.casework import CabinetBase, Cell, Column, cabinet
 from s2a.homes.clutter import Board
 from s2a.homes.draw import chance, integer, pick, uniform

@@ -17,7 +17,7 @@ from s2a.homes.draw import chance, integer, pick, uniform
 from s2a.homes.families.kitchen import STEEL, WHITE
 from s2a.homes.fronts import LEFT, RIGHT, cabinet_body, hinged, lid
 from s2a.homes.grips import QUARTER, cup, edge
-from s2a.homes.plumbing import CHROME, basin, counter, faucet
+from s2a.homes.household import CHROME, basin, counter, faucet
 from s2a.homes.solids import Color, Piece, Surface, at, box, cylinder, join, lathe, painted, rotation
 from s2a.homes.styles import Opening, Style
 from s2a.scene.scene import Joint

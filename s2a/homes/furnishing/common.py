@@ -179,7 +179,7 @@ def heater(plan: FloorPlan) -> None:
 
 def rug(plan: FloorPlan, color: Color) -> None:
     """Lay a rug on free floor."""
-    from s2a.homes.cloth import rug as cloth_rug
+    from s2a.homes.decor import rug as cloth_rug
 
     plan.anywhere(
         [cloth_rug(uniform(plan.rng, (1.0, 1.9)), uniform(plan.rng, (0.7, 1.3)), color, (206, 200, 188))], attempts=12

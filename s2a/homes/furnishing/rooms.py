@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.homes import cloth, decor, household, styles
+from s2a.homes import decor, household, styles
+from s2a.homes import decor as cloth
 from s2a.homes.draw import chance, integer, pick, uniform
 from s2a.homes.families import beds, sanitary, storage
 from s2a.homes.families import office as furniture

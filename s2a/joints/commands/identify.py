@@ -13,14 +13,13 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
 from s2a.joints import dynamics, robot_pull
-from s2a.joints.dynamics import Dynamics
+from s2a.joints.dynamics import PARAMETERS, Dynamics
 from s2a.joints.identify import fit, identify
-from s2a.joints.joint_kernels import PARAMETERS
 from s2a.joints.pull import Noise, header, read
 from s2a.joints.pulled import Moving, moving
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import sim_stage
-from s2a.scene.usd.resistance import Resistance, SoftClose
+from s2a.scene.usd.joints import Resistance, SoftClose
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.simulation import device_of
 from s2a.sim.world import read_stage

@@ -11,7 +11,7 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.joints.pull_optimize import Optimum, PullConfig, optimize
 from s2a.joints.pulled import pulled
-from s2a.motion import pull_law
+from s2a.motion import trajectory
 from s2a.motion.open import planned_path
 from s2a.motion.settings import PlannerConfig
 from s2a.robot.spec import RobotSpec
@@ -66,7 +66,7 @@ def run(config: Config) -> str:
     target = pulled(sim, *planned_path(sim, config.planner, tool_path), config.offset)
     (found,), rounds = optimize([target], config.pull)
     with atomic_write(config.out) as out:
-        pull_law.write(found.law, out)
+        trajectory.write(found.law, out)
     return f"{config.out}: pull of {stage.target} in {rounds} evaluations\n{_summary(found, config)}"
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, make_dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -15,13 +15,15 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from s2a import tasks
+from s2a.core import config
+from s2a.core.bounds import CountFromZero
 from s2a.core.errors import InputError
 from s2a.core.outputs import temporary_folder
 from s2a.language.do.plan import Skill
-from s2a.language.do.settings import ExecutionConfig
 from s2a.motion.obstacles import Obstacles
 from s2a.motion.open import plan_letting_go
 from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.motion.workcell import Workcell
 from s2a.robot.collision import SLACK
 from s2a.robot.spec import RobotSpec
@@ -30,10 +32,54 @@ from s2a.scene.articulation import displace, lever_arm, open_limit, pose_at, tra
 from s2a.scene.scene import Joint, Mesh, Vec3
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import Articulation, Collider, Quat, SimBody, SimRoom, in_scene
-from s2a.sim.camera import Camera
-from s2a.sim.simulation import Simulation, device_of
+from s2a.sim.camera import Camera, CameraConfig
+from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage, axis_of
+from s2a.tasks.base import Task
 from s2a.tasks.env import VecEnv
+
+
+def _settings(kind: type[Task]) -> type:
+    """Return the settings of a skill: `task` and the thresholds of its `metrics`, those of a kind of task."""
+    return make_dataclass("SkillSettings", [("task", kind.Config), ("metrics", kind.Metrics)], frozen=True)
+
+
+def _chosen(values: Mapping[str, Any]) -> type:
+    """Return the dataclass of a command's key `skills`: the settings of each skill by its name."""
+    fields = [(name, _settings(tasks.of(each))) for name, each in values["skills"].items()]
+    return make_dataclass("Skills", fields, frozen=True)
+
+
+Skills = Annotated[Any, config.Chosen(_chosen)]
+"""A command's key `skills`: `task` and `metrics` of each skill by its name."""
+
+
+def tasks_of(skills: Any) -> dict[str, type[Task]]:
+    """Return the task of each skill of a command's key `skills`."""
+    return {name: tasks.task(each.task.name) for name, each in vars(skills).items()}
+
+
+@dataclass(frozen=True)
+class ExecutionConfig:
+    """How skills are executed.
+
+    Attributes:
+        robot: name of the robot.
+        device: of the simulation.
+        seed: of the start noise.
+        sim: how physics is stepped, the same for all skills.
+        skills: their tasks, as the key `skills`.
+        planner: the planner's motion.
+        camera: of the images.
+    """
+
+    robot: str
+    device: str
+    seed: CountFromZero
+    sim: SimConfig
+    skills: Any
+    planner: PlannerConfig
+    camera: CameraConfig
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,150 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+import numpy as np
+
+from s2a import robot as robots
 from s2a.core.errors import InputError
 from s2a.language.do import episode
 from s2a.language.do import facts as fact
-from s2a.language.do.check import Checker
 from s2a.language.do.episode import Outcome, RoomChange
+from s2a.language.do.facts import Facts, RoomPart
 from s2a.language.do.plan import Failure, Skill, SkillPlan, plan, refused
-from s2a.language.llm.ask import Model, UsageLog
+from s2a.language.llm.ask import Model, UsageLog, ValidationFeedback
+from s2a.motion.obstacles import Obstacles
+from s2a.motion.places import inside_placements
+from s2a.robot.tool_path import opening_coordinate
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.tasks.base import Task
+
+SHUT = 0.02
+"""[m] Up to which a part counts as shut."""
+
+
+class Checker:
+    """Checks plans against a room.
+
+    Attributes:
+        passed: what holds of the last plan that was checked, a line a skill.
+    """
+
+    def __init__(
+        self, room: SimRoom, facts: Facts, robot: str, opening: float, skills: Mapping[str, type[Task]]
+    ) -> None:
+        """Keep what plans are checked against.
+
+        Args:
+            room: as it stands now.
+            facts: of it.
+            robot: name of the robot.
+            opening: to which a part is opened for an object to be put into it [m].
+            skills: the tasks that a plan may be made of, by their names in it.
+        """
+        self._room, self._facts, self._opening, self._skills = room, facts, opening, skills
+        self._reach = 2.0 * robots.load(robot).base.reach
+        self.passed: list[str] = []
+
+    def __call__(self, plan: SkillPlan) -> None:
+        """Check a plan; ValidationFeedback tells what does not hold."""
+        self._is_open = {i: thing.open > SHUT for i, thing in self._facts.items() if thing.moves}
+        self._on = {i: thing.on for i, thing in self._facts.items() if thing.kind == "free"}
+        rules: dict[tuple[str, ...], Callable[[Skill], str]] = {
+            ("part",): self._turned,
+            ("object", "support"): self._placed,
+            ("object", "part"): self._put,
+        }
+        takes = {name: kind.INSTRUCTION.takes for name, kind in self._skills.items()}
+        self.passed = [f"{skill.words}: {rules[takes[skill.skill]](skill)}" for skill in plan.skills]
+
+    def _turned(self, skill: Skill) -> str:
+        """Check that a part can be opened or closed."""
+        part, words = self._moving(skill.part), self._skills[skill.skill].INSTRUCTION
+        if not part.base:
+            raise ValidationFeedback(f"{part.id!r} is out of reach: it has no collision-free base pose.")
+        was = "open" if self._is_open[part.id] else "shut"
+        if words.begins not in (None, was):
+            raise ValidationFeedback(f"{part.id!r} is {was} already.")
+        self._is_open[part.id] = (words.leaves or was) == "open"
+        return f"{part.kind}, was {was}, has a free base pose"
+
+    def _placed(self, skill: Skill) -> str:
+        """Check that an object can be picked and placed on a support."""
+        object, support = self._free(skill.object), self._facts[skill.support or ""]
+        if support.kind != "fixed":
+            into = [name for name, kind in self._skills.items() if kind.INSTRUCTION.takes == ("object", "part")]
+            remedy = f"{into[0]} puts things into it" if support.moves and into else "it would move"
+            raise ValidationFeedback(f"{support.id!r} is no fixed support: {remedy}.")
+        near = Obstacles.of_room(self._room, {object.id}, np.array(self._room.free[object.id].position))
+        if not near.hulls_of(support.id):
+            raise ValidationFeedback(
+                f"{support.id!r} has no collision hulls within 2 m of {object.id!r}: out of reach."
+            )
+        self._near(object, support)
+        self._on[object.id] = support.id
+        return f"free, within reach; {support.id} is fixed, {_gap(object, support):.2f} m away"
+
+    def _put(self, skill: Skill) -> str:
+        """Check that an object can be put into a part."""
+        object, part = self._free(skill.object), self._moving(skill.part)
+        if self._is_open[part.id]:
+            raise ValidationFeedback(
+                f"{part.id!r} is open; {skill.skill} opens and shuts it by itself, and begins with it shut."
+            )
+        if self._on[object.id] == part.id:
+            raise ValidationFeedback(f"{object.id!r} is in {part.id!r} already.")
+        self._near(object, part)
+        joint = self._room.articulations[part.id]
+        opened = opening_coordinate(joint.joint, np.array(joint.grasp.point), self._opening)
+        try:
+            places = inside_placements(self._room, object.id, part.id, opened)
+        except InputError as error:
+            raise ValidationFeedback(f"{error}.") from error
+        self._on[object.id] = part.id
+        return f"free, within reach; {part.id} {part.kind}, was shut, has {len(places)} places for it"
+
+    def _moving(self, name: str | None) -> RoomPart:
+        """Return a part that moves on a joint, and hangs on nothing that is open."""
+        part = self._facts[name or ""]
+        if not part.moves:
+            known = ", ".join(i for i, thing in self._facts.items() if thing.moves)
+            raise ValidationFeedback(f"{part.id!r} does not open; what opens: {known or 'nothing'}.")
+        for carrier in self._room.carriers(part.id):
+            if self._is_open.get(carrier):
+                raise ValidationFeedback(
+                    f"{part.id!r} hangs on {carrier!r}, which is open: base poses are of the shut one."
+                )
+        return part
+
+    def _free(self, name: str | None) -> RoomPart:
+        """Return an object that lies free, and not in a shut part."""
+        object = self._facts[name or ""]
+        if object.kind != "free":
+            known = ", ".join(i for i, thing in self._facts.items() if thing.kind == "free")
+            raise ValidationFeedback(
+                f"{object.id!r} is not free: the room was prepared with it fixed; free are: {known or 'none'}."
+            )
+        inside = self._on[object.id]
+        if inside is not None and self._is_open.get(inside) is False:
+            raise ValidationFeedback(f"{object.id!r} is in {inside!r}, which is shut; open that first.")
+        return object
+
+    def _near(self, object: RoomPart, other: RoomPart) -> None:
+        """Raise where one base cannot reach both."""
+        if _gap(object, other) > self._reach:
+            raise ValidationFeedback(
+                f"{object.id!r} and {other.id!r} are {_gap(object, other):.1f} m apart; from one place the arm reaches "
+                f"{self._reach:.1f} m: impossible."
+            )
+
+
+def _gap(object: RoomPart, other: RoomPart) -> float:
+    """Return the horizontal distance of an object's middle from another's box, as if that were not turned [m]."""
+    if object.center is None or other.center is None or other.size is None:
+        return 0.0
+    off = np.abs(np.subtract(object.center, other.center))[:2] - 0.5 * np.array(other.size[:2])
+    return float(np.linalg.norm(np.maximum(off, 0.0)))
+
 
 Execute = Callable[[Skill, RoomChange, int], Outcome]
 """Skill, state of the room before it, its number -> how it went."""

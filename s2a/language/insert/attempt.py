@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from s2a.core.errors import InputError
 from s2a.language.insert import prompts
 from s2a.language.insert.context import InsertContext, Inserted, ObjectRequest
+from s2a.language.insert.describe import RoomState
 from s2a.language.insert.pipeline import Planned, fixed, planned
 from s2a.language.insert.place.preferences import floor_height
 from s2a.language.insert.plan import FailedPlan
-from s2a.language.insert.room_state import RoomState
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.insert.stability import drop_check
 from s2a.language.llm.ask import Model, Record, Request, UsageLog, ask, parse, step

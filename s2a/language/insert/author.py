@@ -14,11 +14,11 @@ from s2a.core.errors import InputError, encodable
 from s2a.language.insert import prompts
 from s2a.language.insert.place.fit import Pose
 from s2a.language.insert.placement import Placement, check_label
-from s2a.language.insert.script import ScriptResult, run_sandboxed
+from s2a.language.insert.prompts import ScriptResult, run_sandboxed
 from s2a.language.llm.ask import Model, Request, UsageLog, ValidationFeedback, ask, without_thoughts
 from s2a.language.sandbox.jail import Sandbox
+from s2a.language.sandbox.operations import PolicyViolation
 from s2a.language.sandbox.policy import HIDDEN
-from s2a.language.sandbox.violation import PolicyViolation
 from s2a.scan.labels import part_id
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.usd.stage import ROOT, new_stage, save, save_layer, write_mesh

@@ -16,7 +16,7 @@ from s2a.core.progress import track
 from s2a.language.insert import author
 from s2a.language.insert.attempt import Attempt, image_pose
 from s2a.language.insert.context import Inserted, ObjectRequest
-from s2a.language.insert.room_state import RoomState
+from s2a.language.insert.describe import RoomState
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.llm.ask import Model, Record
 from s2a.language.llm.client import choose, kind_of

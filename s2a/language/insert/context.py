@@ -9,13 +9,13 @@ from typing import Literal
 
 from pxr import Sdf
 
+from s2a.language.insert.describe import RoomState
 from s2a.language.insert.object_file import ObjectConfig
 from s2a.language.insert.place.candidate_poses import CandidatePose
 from s2a.language.insert.place.contact import PoseConfig
 from s2a.language.insert.place.supports import SurfaceConfig
 from s2a.language.insert.placement import Placement
 from s2a.language.insert.plan import Plan
-from s2a.language.insert.room_state import RoomState
 from s2a.language.llm.ask import Model, Record, UsageLog
 from s2a.language.sandbox.jail import SandboxConfig
 from s2a.scene.scene import Mesh, Part, Scene

@@ -15,18 +15,17 @@ import numpy as np
 from s2a.language.insert import describe
 from s2a.language.insert.author import author, check_words, placement
 from s2a.language.insert.context import InsertConfig, InsertContext, Inserted, ObjectRequest
-from s2a.language.insert.hints import is_kind_of
+from s2a.language.insert.describe import RoomState
 from s2a.language.insert.object_file import ObjectFile, colour_spread, read_object, upright
 from s2a.language.insert.place.candidate_poses import CandidatePose, Keep, candidate_poses
 from s2a.language.insert.place.contact import PoseConfig, facing_first
 from s2a.language.insert.place.fit import NoRoom
 from s2a.language.insert.place.stable_pose import concavities, cross_sections, tilt_margins
 from s2a.language.insert.plan import Choice, FailedPlan, Plan, plan
-from s2a.language.insert.room_state import RoomState
 from s2a.language.insert.scale import Size, fit_scale, size
-from s2a.language.insert.settle import stable_pose
-from s2a.language.insert.wishes.heed import allowed, decline, objection, planned_place, read_wish, verdict
-from s2a.language.insert.wishes.parse import Wish
+from s2a.language.insert.stability import stable_pose
+from s2a.language.insert.wishes.check import allowed, decline, objection, planned_place, read_wish, verdict
+from s2a.language.insert.wishes.parse import Wish, is_kind_of
 from s2a.language.llm.ask import Record, step, tokens
 from s2a.language.llm.rules import write_scripts
 from s2a.language.sandbox.jail import Sandbox

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 from s2a.core.bounds import Count, Positive
 from s2a.language.sandbox.constants import Values
-from s2a.language.sandbox.operations import GROWING, NUMERIC, WRAPPING
-from s2a.language.sandbox.violation import PolicyViolation
+from s2a.language.sandbox.operations import GROWING, NUMERIC, WRAPPING, PolicyViolation
 
 LOOPS_IN_LOOPS, NESTING, FUNCTIONS = 3, 60, 20
 

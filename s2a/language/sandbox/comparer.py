@@ -31,7 +31,7 @@ def _compare(task: dict[str, Any], geometry_free_text: str) -> tuple[dict[str, A
     """Return the report and, in USD's text, the layer."""
     from s2a.language.insert.placement import Placement
     from s2a.language.sandbox.diff import compare
-    from s2a.language.sandbox.violation import PolicyViolation
+    from s2a.language.sandbox.operations import PolicyViolation
 
     try:
         layer = compare(task["saved"].encode(), geometry_free_text, Placement(**task["plan"]))

@@ -14,8 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from s2a.language.sandbox.operations import MODULES, OTHERS
-from s2a.language.sandbox.violation import PolicyViolation
+from s2a.language.sandbox.operations import MODULES, OTHERS, PolicyViolation
 
 
 class Names:

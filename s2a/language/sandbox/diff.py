@@ -14,7 +14,7 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
 from s2a.language.insert.placement import Placement
-from s2a.language.sandbox.violation import PolicyViolation
+from s2a.language.sandbox.operations import PolicyViolation
 from s2a.scene.usd.stage import ROOT
 
 TAXONOMY = "class"

@@ -15,8 +15,17 @@ from dataclasses import dataclass
 
 from s2a.language.sandbox.bounds import AllowConfig, growth, refuse_entangled, refuse_nested, repetition
 from s2a.language.sandbox.constants import WIDTH, Values, foreign
-from s2a.language.sandbox.operations import BUILTINS, DOTTED, FILES, FORMS, METADATA, METHODS, PROPERTIES, STORES
-from s2a.language.sandbox.violation import PolicyViolation
+from s2a.language.sandbox.operations import (
+    BUILTINS,
+    DOTTED,
+    FILES,
+    FORMS,
+    METADATA,
+    METHODS,
+    PROPERTIES,
+    STORES,
+    PolicyViolation,
+)
 
 HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")
 """A text that spells a name which begins with an underscore."""

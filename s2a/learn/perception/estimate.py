@@ -12,14 +12,13 @@ import torch
 from s2a.core.cache import UNREADABLE
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.learn.perception import cloud as frames
-from s2a.learn.perception.cloud import PartPoints
-from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
+from s2a.learn.perception import depth_camera
+from s2a.learn.perception.depth_camera import DepthCameraConfig, PartPoints, VisibleRoom
 from s2a.learn.perception.training import PartNetwork, features
 from s2a.scene.usd import sim_stage
 from s2a.sim import pool
 from s2a.sim.world import SimStage
-from s2a.tasks.part_description import DIRECTIONS, NUMBERS
+from s2a.tasks.mdp.seen import DIRECTIONS, NUMBERS
 
 PRETRAINED = "pretrained"
 """Names the network that comes with s2a."""
@@ -40,7 +39,7 @@ class Perception:
 
     @torch.inference_mode()
     def estimate(self, clouds: Sequence[PartPoints]) -> np.ndarray:
-        """Return the description of each cloud's part (`s2a.tasks.part_description`), shape [cloud NUMBERS]."""
+        """Return the description of each cloud's part (`s2a.tasks.mdp.seen`), shape [cloud NUMBERS]."""
         seen = features(clouds)
         found = torch.cat([self._network(some.to(self._device))[0].cpu() for some in seen.split(BATCH)]).numpy()
         found[:, :3] += np.stack([cloud.center for cloud in clouds])
@@ -134,7 +133,7 @@ def seen_room(stage: SimStage, perception: Path, count: int, camera: DepthCamera
     """Return a room's stage with what a network makes of frames of its part; InputError where none shows it."""
     if perception.suffix == ESTIMATES:
         raise InputError(f"key 'perception': {perception} is of the parts of a pool; give a network or {PRETRAINED}")
-    clouds = frames.take(VisibleRoom(sim_stage.read(stage.path)), stage, camera, count, seed)
+    clouds = depth_camera.take(VisibleRoom(sim_stage.read(stage.path)), stage, camera, count, seed)
     if not clouds:
         raise InputError(f"no camera frame shows {stage.target}; it has no surface that a camera could see")
     return replace(stage, estimates=load(perception, "cpu").estimate(clouds))
@@ -146,7 +145,7 @@ def of_pool(index: Path) -> list[list[PartPoints]]:
     missing = [key_of(entry) for entry in entries if not entry.frames]
     if missing:
         raise InputError(f"{index}: no frames of {', '.join(missing[:3])}; make the pool with frames=8")
-    return [frames.load(index.parent / entry.frames) for entry in entries]
+    return [depth_camera.load(index.parent / entry.frames) for entry in entries]
 
 
 def key_of(entry: pool.PoolPart) -> str:

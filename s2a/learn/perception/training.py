@@ -10,8 +10,8 @@ import torch
 from torch import nn
 
 from s2a.core.bounds import Count, NotNegative, Positive
-from s2a.learn.perception.cloud import PartPoints
-from s2a.tasks.part_description import NUMBERS, SIDEWAYS
+from s2a.learn.perception.depth_camera import PartPoints
+from s2a.tasks.mdp.seen import NUMBERS, SIDEWAYS
 
 FEATURES = 5
 """Numbers of a point: place [m], 1 on the part, height above the front [m]."""

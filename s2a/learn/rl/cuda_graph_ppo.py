@@ -18,7 +18,7 @@ from rsl_rl.modules import GaussianDistribution
 from torch import nn
 
 from s2a.core.errors import InputError
-from s2a.learn.rl import processes
+from s2a.learn.rl import config
 from s2a.learn.rl.adapter import TEACHER
 from s2a.learn.rl.config import BROKEN
 
@@ -107,7 +107,7 @@ class GraphPpo(PPO):
             for start in list(range(0, len(indices), size)) * self.num_learning_epochs:
                 self._index.copy_(indices[start : start + size])
                 differentiate()
-                processes.add_up(self._packed)
+                config.add_up(self._packed)
                 apply()
         self._updates += 1
         if self._imitating:
@@ -222,7 +222,7 @@ class GraphPpo(PPO):
 
     def _apply(self) -> None:
         """Adapt the learning rate to the divergence, as rsl-rl does, and take a step."""
-        self._packed.div_(processes.count())
+        self._packed.div_(config.count())
         divergence, rate = self._packed[-1], self._rate
         slower, faster = (rate / 1.5).clamp(min=LOWEST_RATE), (rate * 1.5).clamp(max=1e-2)
         timid = (divergence < 0.5 * self.desired_kl) & (divergence > 0.0)

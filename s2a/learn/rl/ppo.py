@@ -19,7 +19,8 @@ from torch import nn
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.progress import track
-from s2a.learn.rl import processes, run_folder
+from s2a.learn.rl import config as processes
+from s2a.learn.rl import run_folder
 from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import PpoConfig, rsl_rl_settings
 from s2a.learn.rl.run_folder import ADDED

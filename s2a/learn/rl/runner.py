@@ -15,7 +15,7 @@ from rsl_rl.utils.logger import Logger
 
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.learn.rl import policy_file, processes
+from s2a.learn.rl import config, policy_file
 from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import BROKEN
 from s2a.learn.rl.run_folder import BEST
@@ -202,7 +202,7 @@ class Runner(OnPolicyRunner):
         try:
             infos = self.load(str(checkpoint), map_location=str(self.device))
             if (
-                processes.rank() == 0
+                config.rank() == 0
             ):  # the worlds of the other processes were not saved, and begin with seeds of their own
                 self.env.load_state_dict(infos["run"])
             self.logger.load_state_dict(infos["log"])
@@ -215,7 +215,7 @@ class Runner(OnPolicyRunner):
                 f"{checkpoint}: not a checkpoint that this run can go on from ({why}); delete it to go on from an "
                 "earlier one, or train into another folder"
             ) from error
-        self._resumed = processes.rank() == 0
+        self._resumed = config.rank() == 0
         self.current_learning_iteration += 1
         batch = self.cfg["num_steps_per_env"] * self.env.num_envs * self.gpu_world_size
         self.logger.tot_timesteps = self.current_learning_iteration * batch
@@ -228,10 +228,10 @@ class Runner(OnPolicyRunner):
 
     def _configure_multi_gpu(self) -> None:
         """Join the other processes, on CPUs too, where rsl-rl itself refuses."""
-        if processes.count() == 1 or torch.device(self.device).type != "cpu":
+        if config.count() == 1 or torch.device(self.device).type != "cpu":
             super()._configure_multi_gpu()
             return
-        rank, count = processes.rank(), processes.count()
+        rank, count = config.rank(), config.count()
         self.gpu_world_size, self.gpu_global_rank, self.gpu_local_rank, self.is_distributed = count, rank, rank, True
         self.cfg["multi_gpu"] = {"global_rank": rank, "local_rank": rank, "world_size": count}
         torch.distributed.init_process_group(backend="gloo", rank=rank, world_size=count)

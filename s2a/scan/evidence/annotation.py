@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from s2a.scan.evidence import contact, grasp, hinge, room, slide
-from s2a.scan.evidence.bounds import Bounds
-from s2a.scan.evidence.finding import Finding, bounded_above, unknown
+from s2a.scan.articulate3d_files import Overlap
+from s2a.scan.evidence import contact, room
+from s2a.scan.evidence import joint as hinge
+from s2a.scan.evidence import joint as slide
+from s2a.scan.evidence.finding import Bounds, Finding, bounded_above, unknown
 from s2a.scan.evidence.front import Front, front, panel
-from s2a.scan.evidence.kind import kind
-from s2a.scan.evidence.opening import opens_outward
+from s2a.scan.evidence.joint import kind, opens_outward
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scan.evidence.sweep import Sweep, sweep
-from s2a.scan.overlaps import Overlap
 from s2a.scene.scene import Scene
 
 
@@ -22,7 +22,7 @@ def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> lis
     Args:
         scene: as read from a scan or a geometric stage: no surface trimmed.
         bounds: thresholds.
-        overlaps: faces that two unrelated parts of the scan list, which a scene cannot tell (`s2a.scan.overlaps.read`).
+        overlaps: faces that two unrelated parts of the scan list, which a scene cannot tell (`read_overlaps`).
 
     Returns:
         Every answer, also those that pass; of parts that float and of shared faces the failures alone.
@@ -50,7 +50,7 @@ def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bo
         yield unknown("front", part, "it has no flat surface, so that its joint cannot be checked")
         return
     points = panel(scene, part).vertices.astype(float)
-    handle = grasp.has_handle(scene, part)
+    handle = contact.has_handle(scene, part)
     yield opens_outward(part, joint, front, bounds)
     yield kind(part, scene.parts[part].label, joint, front, bounds)
     if joint.kind == "prismatic":
@@ -66,10 +66,10 @@ def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bo
         if handle:
             yield hinge.hinge_handle(part, joint, front, points, scene.grasp_point(part), bounds)
     if handle:
-        yield grasp.handle_on_part(part, scene, bounds)
-        yield grasp.handle_relief(part, scene, front, bounds)
-    if grasp.region(scene, part).face_areas.any():
-        yield grasp.grasp_on_region(part, scene, bounds)
+        yield contact.handle_on_part(part, scene, bounds)
+        yield contact.handle_relief(part, scene, front, bounds)
+    if contact.region(scene, part).face_areas.any():
+        yield contact.grasp_on_region(part, scene, bounds)
     yield path(part, sweep(surface, part, bounds.blocked), joint.kind, bounds)
 
 

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from s2a.scan.evidence import grasp
-from s2a.scan.evidence.bounds import Bounds
-from s2a.scan.evidence.finding import Finding, Verdict, bounded_above, unknown
+from s2a.scan.evidence import contact
+from s2a.scan.evidence.finding import Bounds, Finding, Verdict, bounded_above, unknown
 from s2a.scan.evidence.front import Front
 from s2a.scan.evidence.surface import ScanSurface, sphere
 from s2a.scene.geometry.mesh_ops import centroids, normals, sample_with_faces
@@ -158,8 +157,8 @@ def _raised(surface: ScanSurface) -> float:
 def _handle_sizes(surface: ScanSurface, fronts: dict[str, Front]) -> list[float]:
     """Return the thickness of each handle across its length in its front's plane [m]."""
     scene = surface.scene
-    held = {part: front for part, front in fronts.items() if grasp.has_handle(scene, part)}
-    return [float(np.sort(grasp.size(grasp.region(scene, part), front))[1]) for part, front in held.items()]
+    held = {part: front for part, front in fronts.items() if contact.has_handle(scene, part)}
+    return [float(np.sort(contact.size(contact.region(scene, part), front))[1]) for part, front in held.items()]
 
 
 def _median(values: list[float]) -> float:

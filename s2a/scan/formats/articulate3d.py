@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.scan import folder, joint_records, labels, parts, ply, rest
-from s2a.scan.cut import cut
-from s2a.scan.parts import AnnotatedPart
+from s2a.scan import articulate3d_files, folder, labels, ply, rest
+from s2a.scan.articulate3d_files import AnnotatedPart
+from s2a.scan.rest import cut
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 NAME = "Articulate3D"
@@ -39,13 +39,13 @@ def read(path: Path) -> Scene:
     """
     files = folder.find(path)
     surface = ply.read(files.mesh)
-    annotated = parts.read(files.parts, surface)
+    annotated = articulate3d_files.read_parts(files.parts, surface)
     names = {number: part.label for number, part in annotated.items()}
     parent_of = labels.parents(names)
-    moving = joint_records.read(files.articulations, names, surface.origin)
+    moving = articulate3d_files.read_joints(files.articulations, names, surface.origin)
     artefacts = labels.artefacts(names, parent_of)
     gone = artefacts | {number for number, name in names.items() if number not in moving and labels.is_split(name)}
-    owner = parts.owners(annotated, labels.depths(parent_of), len(surface.faces))
+    owner = articulate3d_files.owners(annotated, labels.depths(parent_of), len(surface.faces))
     place = [rest.REMOVED if number in artefacts else -1 if number in gone else 0 for number in annotated]
     order = np.cumsum([number not in gone for number in annotated]) - 1
     owner = np.append(np.where(place, place, order), -1)[owner]

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan import gltf_materials
-from s2a.scan.gltf_file import GltfFile
-from s2a.scan.gltf_materials import GltfMaterials
+from s2a.scan import gltf_file
+from s2a.scan.gltf_file import GltfFile, GltfMaterials
 from s2a.scan.source import SourceMesh, Stated, joined
 
 _log = logging.getLogger(__name__)
@@ -22,7 +21,7 @@ _log = logging.getLogger(__name__)
 NAME = "glTF"
 ENDINGS = (".glb", ".gltf")
 INSTANCES, VISIBILITY, DRACO = "EXT_mesh_gpu_instancing", "KHR_node_visibility", "KHR_draco_mesh_compression"
-READ = {"KHR_mesh_quantization", INSTANCES, VISIBILITY, "KHR_accessor_float64", *gltf_materials.READ}
+READ = {"KHR_mesh_quantization", INSTANCES, VISIBILITY, "KHR_accessor_float64", *gltf_file.READ}
 """Extensions that are read; of others a file may say that it needs them, and is refused then."""
 HARMLESS = tuple(
     "KHR_materials_ KHR_lights_ KHR_xmp KHR_animation_ KHR_node_ KHR_audio KHR_physics CESIUM_RTC EXT_mesh_features "

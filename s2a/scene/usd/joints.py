@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
@@ -16,6 +16,130 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from s2a.core.errors import InputError
 from s2a.scene.scene import Joint, Scene
 from s2a.scene.usd.stage import ROOT, placement, read_attribute, where, write_attribute
+
+Types = Sdf.ValueTypeNames
+NUMBERS = {
+    "angle": "angle",
+    "shift": "shift",
+    "zero": "zero",
+    "angle_sigma": "angleSigma",
+    "shift_sigma": "shiftSigma",
+}
+"""Fields that are numbers, and the attributes that hold them."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """How far a joint was moved from its annotation by what the scan shows.
+
+    Attributes:
+        annotated: the joint as it was annotated.
+        angle: by which its axis was turned [rad].
+        shift: by which its line was moved, at the annotated origin [m]; 0 for a slide, which has no place.
+        zero: the coordinate at which the part is closed, where it was scanned ajar [m] or [rad]; 0: as it was annotated.
+        angle_sigma: standard deviation of the axis, of the worse of its two directions [rad].
+        shift_sigma: the same of the line [m]; 0 for a slide.
+        unknown: what the scan does not tell, in words: there the annotation stays.
+    """
+
+    annotated: Joint
+    angle: float
+    shift: float
+    zero: float
+    angle_sigma: float
+    shift_sigma: float
+    unknown: tuple[str, ...] = ()
+
+
+def write_refinement(prim: Usd.Prim, refinement: Refinement) -> None:
+    """Author what was done to a joint on the prim of its part."""
+    annotated = refinement.annotated
+    for name, kind in (("axis", Types.Double3), ("origin", Types.Double3), ("limits", Types.Double2)):
+        write_attribute(prim, f"annotated:{name}", kind, getattr(annotated, name))
+    for field, name in NUMBERS.items():
+        write_attribute(prim, f"refined:{name}", Types.Double, getattr(refinement, field))
+    write_attribute(prim, "refined:unknown", Types.StringArray, list(refinement.unknown))
+
+
+def read_refinement(prim: Usd.Prim, joint: Joint) -> Refinement | None:
+    """Return what was done to a joint, or None where it is as annotated."""
+    given = {name: read_attribute(prim, f"annotated:{name}", tuple) for name in ("axis", "origin", "limits")}
+    numbers = {field: read_attribute(prim, f"refined:{name}", float) for field, name in NUMBERS.items()}
+    if None in {**given, **numbers}.values():
+        return None
+    unknown = tuple(prim.GetAttribute("s2a:refined:unknown").Get() or ())
+    return Refinement(Joint(joint.kind, **given), **numbers, unknown=unknown)
+
+
+SETTINGS = ("damping", "stiffness")
+"""What the simulation's settings say where a joint does not."""
+SOFT_CLOSE = ("force", "damping", "reach")
+
+
+@dataclass(frozen=True)
+class SoftClose:
+    """A mechanism that draws a part in before it is shut, and damps it there as it closes; per unit of its coordinate.
+
+    Attributes:
+        force: that draws it in [N] or [N m].
+        damping: while it closes [N s/m] or [N m s/rad].
+        reach: the coordinate from which on it acts, as a distance from zero [m] or [rad].
+    """
+
+    force: float
+    damping: float
+    reach: float
+
+
+@dataclass(frozen=True)
+class Resistance:
+    """What was identified of a joint beside its dry friction in motion, per unit of its coordinate.
+
+    Attributes:
+        damping: [N s/m] or [N m s/rad]; None: what the simulation's settings say, as with `stiffness`.
+        stiffness: of the spring that draws the part to its scanned pose [N/m] or [N m/rad].
+        breakaway: how much more dry friction holds it at rest [N] or [N m].
+        soft_close: None: it has none.
+    """
+
+    damping: float | None = None
+    stiffness: float | None = None
+    breakaway: float = 0.0
+    soft_close: SoftClose | None = None
+
+
+def write_resistance(joint: Usd.Prim, resistance: Resistance) -> None:
+    """Write on a joint what resists, and nothing of what it does not say."""
+    kind = Sdf.ValueTypeNames.Double
+    for name in SETTINGS:
+        if (value := getattr(resistance, name)) is not None:
+            write_attribute(joint, name, kind, value)
+    if resistance.breakaway:
+        write_attribute(joint, "breakaway", kind, resistance.breakaway)
+    for name in SOFT_CLOSE if resistance.soft_close else ():
+        write_attribute(joint, f"softClose:{name}", kind, getattr(resistance.soft_close, name))
+
+
+def read_resistance(joint: Usd.Prim) -> Resistance | None:
+    """Return what was written on a joint; None where nothing was.
+
+    Raises:
+        InputError: a number below 0 or infinite, or a soft close of which one is missing.
+    """
+    names = (*SETTINGS, "breakaway", *(f"softClose:{name}" for name in SOFT_CLOSE))
+    found = {name: read_attribute(joint, name, float) for name in names}
+    for name, value in found.items():
+        if value is not None and not (0.0 <= value < math.inf):
+            raise InputError(f"{where(joint)}: s2a:{name} is {value:g}; expected 0 or more: identify the joint again")
+    if set(found.values()) == {None}:
+        return None
+    closes = [found[name] for name in names[3:]]
+    if None in closes and set(closes) != {None}:
+        missing = names[3 + closes.index(None)]
+        raise InputError(f"{where(joint)} has a soft close without s2a:{missing}; identify the joint again")
+    soft = None if None in closes else SoftClose(*closes)
+    return Resistance(found["damping"], found["stiffness"], found["breakaway"] or 0.0, soft)
+
 
 SITE_RADIUS = 0.01
 """[m]; what a grasp point looks like, without effect."""
@@ -25,7 +149,6 @@ RIGID = 1e-4
 EPSILON = 1e-14
 """An axis this close to -X (by its cosine) is -X itself."""
 
-Types = Sdf.ValueTypeNames
 KINDS = {"PhysicsPrismaticJoint": "prismatic", "PhysicsRevoluteJoint": "revolute"}
 
 

@@ -10,7 +10,8 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from s2a.core.errors import InputError
 from s2a.scene.scene import Mesh, Vec3
-from s2a.scene.usd import refinement, resistance
+from s2a.scene.usd import joints as refinement
+from s2a.scene.usd import joints as resistance
 from s2a.scene.usd.joints import KINDS, joint_ends, read_joint
 from s2a.scene.usd.sim_scene import (
     PREPARE_AGAIN,
@@ -143,8 +144,8 @@ def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
         friction=joint.GetAttribute("newton:friction").Get() or 0.0,
         filtered=tuple(path.name for path in pairs.GetTargets()) if pairs else (),
         notes=_strings(prim, "notes"),
-        resistance=resistance.read(joint),
-        refinement=refinement.read(prim, moved),
+        resistance=resistance.read_resistance(joint),
+        refinement=refinement.read_refinement(prim, moved),
     )
 
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from s2a.core.errors import InputError
 from s2a.scene.scene import Joint, Mesh, Vec3
-from s2a.scene.usd.refinement import Refinement
-from s2a.scene.usd.resistance import Resistance
+from s2a.scene.usd.joints import Refinement, Resistance
 
 Quat = tuple[float, float, float, float]
 DEFAULT_ROBOT = "panda"

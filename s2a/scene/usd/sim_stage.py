@@ -19,7 +19,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from s2a.scene.scene import Mesh
-from s2a.scene.usd import refinement, resistance
+from s2a.scene.usd import joints
 from s2a.scene.usd.joints import write_body, write_fixed_joint, write_joint, write_site
 from s2a.scene.usd.sim_read import FLAVOUR, open_physics, read
 from s2a.scene.usd.sim_scene import Articulation, Base, Collider, Grasp, Quat, Reduction, SimBody, SimRoom
@@ -188,11 +188,11 @@ def _write_articulation(stage: Usd.Stage, part: str, articulation: Articulation)
     joint.ApplyAPI("NewtonJointAPI")
     joint.GetAttribute("newton:friction").Set(articulation.friction)
     if articulation.resistance is not None:
-        resistance.write(joint, articulation.resistance)
+        joints.write_resistance(joint, articulation.resistance)
     prim = stage.GetPrimAtPath(path)
     write_attribute(prim, "notes", Types.StringArray, list(articulation.notes))
     if articulation.refinement is not None:
-        refinement.write(prim, articulation.refinement)
+        joints.write_refinement(prim, articulation.refinement)
     if articulation.filtered:
         # Simulators that do not leave out a joint's two bodies by themselves need the filter.
         pairs = UsdPhysics.FilteredPairsAPI.Apply(prim)

@@ -15,8 +15,8 @@ from s2a.scene.scene import Mesh
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
+from s2a.tasks.mdp.seen import of_vector
 from s2a.tasks.mdp.world import CARRIED, GRASPED, OPENED, EstimatedPart, Numbers, TaskTarget, World
-from s2a.tasks.part_description import of_vector
 
 SHORTEST_ARM = 0.05
 """[m] Shorter lever arms of a hinge are not observed."""

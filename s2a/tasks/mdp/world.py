@@ -56,7 +56,7 @@ class TaskTarget:
 
 @wp.struct
 class EstimatedPart:
-    """What a policy observes of a part by an estimate (`s2a.tasks.part_description`), the part at zero, world frame.
+    """What a policy observes of a part by an estimate (`s2a.tasks.mdp.seen`), the part at zero, world frame.
 
     Attributes:
         grasp: the grasp frame.

@@ -12,9 +12,8 @@ from s2a.scene.articulation import open_limit
 from s2a.scene.scene import Mesh
 from s2a.view.page import layers
 from s2a.view.page.cards import PLACE, card, noted, row, rows, step_card
-from s2a.view.page.detail import Detail
 from s2a.view.page.room import Coordinates, PagePart, PageRoom, unit
-from s2a.view.page.scene_nodes import SceneNodes
+from s2a.view.page.scene_nodes import Detail, SceneNodes
 
 PARALLEL = 1e-15
 """[m^2] A triangle of which a ray sees less is not met."""

@@ -12,10 +12,9 @@ import viser
 
 from s2a.scene.geometry.camera import CameraPose
 from s2a.view.page import glb
-from s2a.view.page.detail import Detail, coarse
 from s2a.view.page.panel import CARDS, WIDTH, first, offered
 from s2a.view.page.room import PageRoom, Played, PlayedWorld, unit
-from s2a.view.page.scene_nodes import SceneNodes
+from s2a.view.page.scene_nodes import Detail, SceneNodes, coarse
 from s2a.view.page.serve import address, started
 
 SPEEDS = {"slow": 0.25, "real time": 1.0, "fast": 4.0}

@@ -10,7 +10,7 @@ import numpy as np
 
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.scan import any_room
+from s2a.scan import visuals
 from s2a.scene.geometry.mesh_ops import keep
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.usd.descriptive import DescribedPart
@@ -27,7 +27,7 @@ def read(path: Path) -> PageRoom:
     Raises:
         InputError: another file, or a damaged one.
     """
-    match any_room.read(path):
+    match visuals.read(path):
         case Scene() as scene:
             return of_scene(scene)
         case SimRoom() as room:

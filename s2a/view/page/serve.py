@@ -12,12 +12,11 @@ import viser
 
 from s2a.scene.articulation import open_limit
 from s2a.scene.geometry.camera import CameraPose
-from s2a.view.page.detail import Detail, coarse
 from s2a.view.page.glb import AMBIENT, LIGHTS
 from s2a.view.page.layers import LARGE
 from s2a.view.page.panel import WIDTH, Panel, first, offered
 from s2a.view.page.room import PageRoom, unit
-from s2a.view.page.scene_nodes import SceneNodes
+from s2a.view.page.scene_nodes import Detail, SceneNodes, coarse
 
 HOST = "127.0.0.1"
 """Nobody but this machine's users sees the page; from elsewhere: ssh -L 8080:localhost:8080 HOST."""

@@ -18,10 +18,10 @@ from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.sim.camera import first_free, places_around
+from s2a.view.page.glb import thinned
 from s2a.view.page.read import of_sim_room
 from s2a.view.page.room import Coordinates, PageRoom, Played, PlayedWorld, unit
-from s2a.view.page.thin import thinned
-from s2a.view.playback import played
+from s2a.view.playback import states
 from s2a.view.playback.states import States
 
 CAMERA = OrbitCamera(560, 352, 1, 0.8, 1.1, 0.45, 1.0, True)
@@ -67,9 +67,9 @@ def films(path: Path, stage: Path) -> list[Film]:
             raise InputError(
                 f"key {key!r}: {file} does not exist; give states=FILE.npz of s2a evaluate and its stage=ROOM.usd"
             )
-    found = played.one_of_each(path, stage)
+    found = states.one_of_each(path, stage)
     content = sim_stage.read(stage)
-    room, shown = thinned(of_sim_room(content), MAX_FACES), played.of_states(found, content)
+    room, shown = thinned(of_sim_room(content), MAX_FACES), states.of_states(found, content)
     return [_film(room, shown, world, found, k) for k, world in enumerate(shown.worlds)]
 
 

@@ -11,8 +11,7 @@ from s2a.core.errors import InputError
 from s2a.language.insert.placement import ORIENTATION, POSITION
 from s2a.scene.geometry.convex import halfspaces, sweep
 from s2a.scene.geometry.mesh_ops import merge, sample
-from s2a.scene.geometry.mesh_query import RayMesh, ray_mesh, visible_distance
-from s2a.scene.geometry.penetration import crossing, depth, inside
+from s2a.scene.geometry.mesh_query import RayMesh, crossing, depth, inside, ray_mesh, visible_distance
 from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Mesh, Scene, Vec3
 

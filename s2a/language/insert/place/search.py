@@ -2,7 +2,7 @@
 
 The object's turned copies slide over the grid of a region. A place is possible where no layer of the object meets an occupied
 cell of the same layer and where the cells it touches carry. What remains is ranked; exact tests follow
-(`s2a.language.insert.place.pose`).
+(`s2a.language.insert.place.candidate_poses`).
 """
 
 from __future__ import annotations

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from s2a.language.insert.hints import BEDDING, is_kind_of
-from s2a.language.insert.wishes.parse import Relation, parse_wish
+from s2a.language.insert.wishes.parse import BEDDING, Relation, is_kind_of, parse_wish
 
 Line = dict[str, Any]
 DIRECT = ("on", "in", "against", "top", "bottom", "back edge", "front edge", "corner", "middle")

@@ -1,0 +1,238 @@
+"""Wishes: understood, checked on the result, heeded or declined."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from any_place import any_place
+from rough_furniture import at, block, sheet
+
+from s2a.core.errors import InputError
+from s2a.language.insert.plan import Choice, Place, Plan
+from s2a.language.insert.wishes.check import allowed, decline, met, planned_place, read_wish, verdict
+from s2a.language.insert.wishes.choices import parse_hint
+from s2a.language.insert.wishes.parse import parse_wish
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Mesh, Part, Scene
+
+CUP = block(0.08, 0.08, 0.1)
+
+
+def room() -> Scene:
+    """A desk before a wall at y = 0.6, seen from -y: from left to right a lamp, a keyboard, a crate; a shelf of three boards."""
+    boards = [at(block(0.8, 0.3, 0.02), -1.5, 0.45, height) for height in (0.1, 0.6, 1.1, 1.6)]
+    sides = [at(block(0.02, 0.3, 1.6), x, 0.45, 0.0) for x in (-1.9, -1.1)]
+    back = at(block(0.8, 0.02, 1.6), -1.5, 0.6, 0.0)
+    tray = merge([at(block(0.4, 0.3, 0.01), 2.2, 0.3, 0.0)] + [
+        at(block(*size, 0.2), 2.2 + x, 0.3 + y, 0.0)
+        for size, x, y in (((0.01, 0.3), -0.2, 0), ((0.01, 0.3), 0.2, 0), ((0.4, 0.01), 0, -0.15), ((0.4, 0.01), 0, 0.15))
+    ])  # fmt: skip
+    flat = sheet((-2, 3), (0, 2.5), 0.0, 0.05)
+    return Scene("room", {
+        "floor_1": Part("floor", sheet((-2, 3), (-3, 0.6), 0.0, 0.05)),
+        "desk_2": Part("office desk", sheet((0, 1.6), (0, 0.6), 0.74)),
+        "lamp_3": Part("lamp", at(block(0.12, 0.12, 0.4), 0.2, 0.4, 0.741)),
+        "keyboard_4": Part("keyboard", at(block(0.4, 0.14, 0.03), 0.8, 0.2, 0.741)),
+        "crate_5": Part("crate", at(block(0.2, 0.2, 0.2), 1.4, 0.4, 0.741)),
+        "shelf_6": Part("shelf", merge([*boards, *sides, back])),
+        "box_7": Part("storage box", tray),
+        "wall_8": Part("wall", Mesh(flat.vertices[:, [0, 2, 1]] + [0, 0.62, 0], flat.faces)),
+    })  # fmt: skip
+
+
+LABELS = {part_id: part.label for part_id, part in room().parts.items()}
+
+
+@pytest.mark.parametrize(
+    ("said", "kinds", "things"),
+    [
+        ("put it next to the keyboard", ["near"], ["keyboard_4"]),
+        ("on the desk, to the left of the crate", ["on", "left"], ["desk_2", "crate_5"]),
+        ("Between the lamp and the keyboard.", ["between"], ["lamp_3", "keyboard_4"]),
+        ("at the back edge of the office desk", ["back edge"], ["desk_2"]),
+        ("on the top shelf", ["top"], ["shelf_6"]),
+        ("inside the storage box please", ["in"], ["box_7"]),
+        ("hang it on the wall above the desk at 1.5 m", ["height", "wall", "above"], ["wall_8", "desk_2"]),
+        ("in front of the keyboard, not on the floor", ["front", "on"], ["keyboard_4", "floor_1"]),
+        ("on desk_2", ["on"], ["desk_2"]),
+        ("somewhere nice", [], []),
+        ("in the middle of the room", [], []),
+        ("beside the little bedside lamp, please", ["near"], ["lamp_3"]),
+        ("somewhere I can reach it from the desk", ["near"], ["desk_2"]),
+        ("it should greet people who sit on the desk", ["seen from"], ["desk_2"]),
+        ("visible from the desk", ["seen from"], ["desk_2"]),
+        ("in sight of the desk, on the shelf", ["seen from", "on"], ["desk_2", "shelf_6"]),
+        ("for people who like to sit on the desk", [], []),
+    ],
+)
+def test_wishes_become_relations(said: str, kinds: list[str], things: list[str]) -> None:
+    wish = parse_wish(said, LABELS)
+    assert [one.kind for one in wish.relations] == kinds
+    assert [ids[0] for one in wish.relations for ids in one.part_ids] == things
+    assert wish.missing == ()
+    assert [one.negated for one in wish.relations] == ["not" in said and one.kind == "on" for one in wish.relations]
+
+
+@pytest.mark.parametrize(
+    ("said", "missing"),
+    [
+        ("in the bathtub", "bathtub"),
+        ("between the lamp and the piano", "piano"),
+        ("next to my aquarium", "aquarium"),
+        ("hidden inside the wall safe", "wall safe"),
+    ],
+)
+def test_what_is_not_there_is_missing_and_declined_by_name(said: str, missing: str) -> None:
+    wish = read_wish(said, room())
+    assert wish.missing == (missing,)
+    with pytest.raises(
+        InputError, match=f"there is no '{missing}' in this room.*there are: floor, office desk.*wish=prefer"
+    ):
+        decline(wish, said, room(), understood=True)
+
+
+def test_a_screen_is_a_monitor_and_a_sheet_of_shelves_is_not_made_up() -> None:
+    assert parse_wish("close to my screen", {"m_1": "monitor"}).relations[0].part_ids == (("m_1",),)
+    assert parse_wish("on the top shelf", {"cabinet_1": "cabinet"}).missing == ("shelf",)
+
+
+def test_nothing_stands_beside_a_lamp_at_the_ceiling() -> None:
+    lamp = Part("ceiling lamp", at(block(0.3, 0.3, 0.2), 1.0, -1.0, 2.3))
+    only = replace(room(), parts={i: part for i, part in room().parts.items() if i != "lamp_3"} | {"ceiling_9": lamp})
+    assert read_wish("beside the lamp", only).missing == ("ceiling lamp",)
+    assert read_wish("under the lamp", only).missing == ()
+    both = replace(room(), parts={**room().parts, "ceiling_9": lamp})
+    assert read_wish("beside the lamp", both).relations[0].part_ids == (("lamp_3",),)
+
+
+def test_what_the_rules_do_not_understand_they_decline() -> None:
+    with pytest.raises(InputError, match="the rules know relations"):
+        decline(read_wish("somewhere nice", room()), "somewhere nice", room(), understood=False)
+    decline(read_wish("somewhere nice", room()), "somewhere nice", room(), understood=True)
+
+
+@pytest.mark.parametrize(
+    ("said", "place", "holds"),
+    [
+        ("on the desk", (0.5, 0.3, 0.745), True),
+        ("on the desk", (0.5, -0.3, 0.745), False),
+        ("on the desk", (0.5, 0.3, 0.9), False),
+        ("on the floor", (0.5, -1.0, 0.003), True),
+        ("on the floor", (0.5, 0.3, 0.745), False),
+        ("not on the floor", (0.5, 0.3, 0.745), True),
+        ("not on the floor", (0.5, -1.0, 0.003), False),
+        ("left of the keyboard", (0.5, 0.2, 0.745), True),
+        ("left of the keyboard", (1.1, 0.2, 0.745), False),
+        ("right of the keyboard", (1.1, 0.2, 0.745), True),
+        ("in front of the keyboard", (0.8, 0.06, 0.745), True),
+        ("in front of the keyboard", (0.8, 0.4, 0.745), False),
+        ("behind the keyboard", (0.8, 0.4, 0.745), True),
+        ("between the lamp and the crate", (0.8, 0.4, 0.745), True),
+        ("between the lamp and the crate", (1.55, 0.4, 0.745), False),
+        ("between the lamp and the crate", (0.8, 0.05, 0.745), False),
+        ("next to the lamp", (0.4, 0.4, 0.745), True),
+        ("next to the lamp", (1.2, 0.1, 0.745), False),
+        ("far from the lamp", (1.2, 0.1, 0.745), True),
+        ("at the back edge of the desk", (0.6, 0.5, 0.745), True),
+        ("at the back edge of the desk", (0.6, 0.1, 0.745), False),
+        ("at the front edge of the desk", (0.6, 0.06, 0.745), True),
+        ("in the corner of the desk", (0.06, 0.06, 0.745), True),
+        ("in the corner of the desk", (0.8, 0.06, 0.745), False),
+        ("in the middle of the desk", (0.8, 0.33, 0.745), True),
+        ("in the middle of the desk", (0.2, 0.2, 0.745), False),
+        ("in the box", (2.2, 0.3, 0.015), True),
+        ("in the box", (2.7, 0.3, 0.003), False),
+        ("in the shelf", (-1.5, 0.45, 0.62), True),
+        ("on the top shelf", (-1.5, 0.45, 1.12), True),
+        ("on the top shelf", (-1.5, 0.45, 0.62), False),
+        ("on the bottom shelf", (-1.5, 0.45, 0.12), True),
+        ("on the bottom shelf", (-1.5, 0.45, 1.12), False),
+        ("above the desk", (0.8, 0.55, 1.4), True),
+        ("above the desk", (-1.0, 0.55, 1.4), False),
+        ("under the desk", (0.8, 0.3, 0.003), True),
+        ("under the desk", (0.8, -0.5, 0.003), False),
+        ("on the wall", (0.8, 0.57, 1.4), True),
+        ("on the wall", (0.8, 0.3, 0.745), False),
+        ("at 1.5 m", (0.8, 0.57, 1.45), True),
+        ("at 1.5 m", (0.8, 0.57, 1.1), False),
+    ],
+)
+def test_a_relation_is_told_from_where_the_object_is(said: str, place: tuple[float, float, float], holds: bool) -> None:
+    (relation,) = parse_wish(said, LABELS).relations
+    assert met(room(), at(CUP, *place), relation) == holds
+
+
+def test_what_is_seen_from_a_sofa_is_before_it_and_not_behind_a_wall() -> None:
+    sofa = merge([at(block(1.8, 0.8, 0.42), 0, 0, 0), at(block(1.8, 0.2, 0.8), 0, -0.3, 0)])
+    back, screen = at(block(3.0, 0.1, 2.4), 0, -0.46, 0), at(block(3.0, 0.1, 2.4), 0, 3.0, 0)
+    scene = Scene("room", {
+        "floor_1": Part("floor", sheet((-2, 2), (-0.4, 5), 0.0, 0.05)), "sofa_2": Part("sofa", sofa),
+        "wall_3": Part("wall", back), "wall_4": Part("wall", screen),
+    })  # fmt: skip
+    wish = parse_wish("visible from the couch", {i: part.label for i, part in scene.parts.items()})
+    assert met(scene, at(CUP, 0.0, 1.2, 0.4), wish.relations[0])
+    assert not met(scene, at(CUP, 0.0, 3.5, 0.4), wish.relations[0])
+    # In the line of the eyes, but behind the head: on top of the back.
+    assert not met(scene, at(CUP, 0.0, -0.3, 0.9), wish.relations[0])
+
+
+def test_a_place_is_found_by_trying_all_where_there_is_one_and_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("any_place.STEP", 0.05)
+    relations = parse_wish("on the desk, right of the crate", LABELS).relations  # 10 cm are left there
+    found = any_place(room(), CUP, relations)
+    assert found is not None
+    assert 1.48 < found[0] < 1.6 and found[2] == pytest.approx(0.74, abs=0.01)
+    assert any_place(room(), block(0.3, 0.3, 0.1), relations) is None
+
+
+def test_the_verdict_says_what_holds_and_what_does_not() -> None:
+    wish = parse_wish("on the desk left of the crate", LABELS)
+    good = verdict(wish, "w", room(), at(CUP, 1.2, 0.4, 0.745))
+    assert good["heeded"] is True
+    bad = verdict(wish, "w", room(), at(CUP, 1.55, 0.4, 0.745))
+    assert [one["met"] for one in bad["relations"]] == [True, False]
+    assert bad["heeded"] is False
+    assert verdict(parse_wish("nicely", LABELS), "nicely", room(), CUP)["heeded"] is None
+
+
+def test_left_and_right_change_with_the_side_of_the_room() -> None:
+    parts = room().parts.items()
+    meshes = {i: Mesh(part.mesh.vertices * [-1, -1, 1], part.mesh.faces) for i, part in parts}
+    turned = Scene("room", {i: replace(part, mesh=meshes[i]) for i, part in parts})
+    (left,) = parse_wish("left of the keyboard", LABELS).relations
+    assert met(turned, at(CUP, -0.5, -0.2, 0.745), left)
+    assert not met(turned, at(CUP, -1.1, -0.2, 0.745), left)
+
+
+def test_the_place_of_a_plan_is_searched_for_as_a_wish() -> None:
+    choice = Choice("desk_2", "horizontal", "on", 0.74, "there")
+    wish = planned_place(Plan("+z", "-y", None, (choice,), (Place("left", ("keyboard_4",)),)))
+    keep = allowed(wish, room(), CUP)
+    assert keep is not None
+    assert keep(np.array([(0.5, 0.2, 0.741), (1.1, 0.2, 0.741)])).tolist() == [True, False]
+
+
+def test_the_height_of_what_hangs_is_that_of_its_middle() -> None:
+    choice = Choice("wall_8", "vertical", "hanging", 1.5, "there")
+    keep = allowed(planned_place(Plan("+z", "-y", None, (choice,))), room(), block(0.4, 0.04, 0.6))
+    assert keep is not None
+    # The places are those of the foot; 0.3 m above that is the middle.
+    assert keep(np.array([(0.5, 0.6, 1.2), (0.5, 0.6, 1.5)])).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("said", ["on the desk but not near the lamp", "on the desk, far from the lamp"])
+def test_what_is_to_be_away_is_searched_for_away(said: str) -> None:
+    keep = allowed(read_wish(said, room()), room(), CUP)
+    assert keep is not None
+    assert keep(np.array([(0.35, 0.4, 0.741), (1.2, 0.1, 0.741)])).tolist() == [False, True]
+
+
+def test_a_blanket_carries_for_its_bed() -> None:
+    def line(part_id: str, label: str, x: float) -> dict:
+        top = {"kind": "horizontal", "height": 0.5, "free": 1.0, "circle": 0.9}
+        return {"id": part_id, "label": label, "center": [x, 0, 0.3], "size": [1.4, 2.0, 0.5], "supports": [top]}
+
+    lines = [line("bed_1", "bed", 0.0), line("blanket_2", "blanket", 0.0), line("blanket_3", "blanket", 9.0)]
+    assert [one["target"] for one in parse_hint("in the corner of the bed", lines).choices] == ["bed_1", "blanket_2"]

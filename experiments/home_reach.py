@@ -25,8 +25,8 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
-from s2a.homes.catalog import catalog, clean_scene
 from s2a.homes.furnishing import HOMES, home
+from s2a.homes.room import catalog, clean_scene
 from s2a.prepare.grasp import bodies
 from s2a.prepare.part import PartConfig, part_results
 from s2a.prepare.room import PrepareConfig

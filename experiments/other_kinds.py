@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 from twelve_at_once import CATEGORY
 
-from s2a.homes import clutter, decor, household, objects
-from s2a.homes.decor import pillow
-from s2a.homes.families import kitchen
+from s2a.homes import clutter, household, kitchen, objects
+from s2a.homes.objects import pillow
 from s2a.homes.solids import Piece, Surface, join
 from s2a.homes.zoo.download import UNITS, WRITERS, Download, download
 from s2a.homes.zoo.shapes import ZooObject
@@ -42,8 +41,8 @@ KINDS: dict[str, list[tuple[str, str, Sampler]]] = {
         ("wall lamp", "hanging", lambda rng: household.wall_lamp(0.4)),
         ("stool", "on", lambda rng: household.stool()),
         ("pedal bin", "on", lambda rng: household.lidded_bin(0.11, 0.28, CREAM)),
-        ("bathroom mirror", "hanging", lambda rng: decor.mirror(0.45, 0.6)),
-        ("scented candle", "on", lambda rng: decor.candle(0.1)),
+        ("bathroom mirror", "hanging", lambda rng: objects.mirror(0.45, 0.6)),
+        ("scented candle", "on", lambda rng: objects.candle(0.1)),
         ("wicker laundry basket", "on", household.laundry_basket),
     ],
     "office": [
@@ -59,28 +58,28 @@ KINDS: dict[str, list[tuple[str, str, Sampler]]] = {
         ("whiteboard", "hanging", lambda rng: objects.whiteboard(0.9, 0.6)),
     ],
     "living_room": [
-        ("television", "on", lambda rng: decor.tv(0.8)),
-        ("game console", "on", decor.console),
-        ("remote control", "on", lambda rng: decor.remote_control()),
-        ("flower vase", "on", lambda rng: decor.vase(rng, 0.28)),
-        ("bowl of fruit", "on", decor.bowl),
-        ("candle", "on", lambda rng: decor.candle(0.14)),
-        ("loudspeaker", "on", lambda rng: decor.speaker(0.18, 0.3)),
-        ("floor lamp", "on", lambda rng: decor.floor_lamp()),
-        ("wicker basket", "on", lambda rng: decor.basket(0.17, 0.22)),
+        ("television", "on", lambda rng: objects.tv(0.8)),
+        ("game console", "on", objects.console),
+        ("remote control", "on", lambda rng: objects.remote_control()),
+        ("flower vase", "on", lambda rng: objects.vase(rng, 0.28)),
+        ("bowl of fruit", "on", objects.bowl),
+        ("candle", "on", lambda rng: objects.candle(0.14)),
+        ("loudspeaker", "on", lambda rng: objects.speaker(0.18, 0.3)),
+        ("floor lamp", "on", lambda rng: objects.floor_lamp()),
+        ("wicker basket", "on", lambda rng: objects.basket(0.17, 0.22)),
         ("picture", "hanging", lambda rng: objects.picture(rng, 0.6, 0.4)),
     ],
     "bedroom": [
         ("cushion", "on", lambda rng: pillow((0.45, 0.45, 0.14), CREAM)),
-        ("table clock", "on", lambda rng: decor.alarm_clock()),
-        ("framed photo", "on", decor.photo),
+        ("table clock", "on", lambda rng: objects.alarm_clock()),
+        ("framed photo", "on", objects.photo),
         ("notebook", "on", clutter.notebook),
         ("paperback", "on", lambda rng: objects.book(rng, standing=False)[0]),
         ("table lamp", "on", lambda rng: objects.table_lamp()),
         ("tissue box", "on", household.tissue_box),
-        ("house slippers", "on", decor.slippers),
+        ("house slippers", "on", objects.slippers),
         ("backpack", "on", objects.bag),
-        ("glass vase", "on", lambda rng: decor.vase(rng, 0.22)),
+        ("glass vase", "on", lambda rng: objects.vase(rng, 0.22)),
     ],
 }
 """Label, placement in truth and what makes it, by the room it goes to."""

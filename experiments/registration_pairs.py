@@ -16,8 +16,8 @@ import numpy as np
 
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.homes.catalog import Entry, catalog
 from s2a.homes.furnishing import furnish
+from s2a.homes.room import Entry, catalog
 from s2a.homes.sample import SampleConfig, Scan, scan_room, streams
 from s2a.homes.solids import join
 from s2a.scene.articulation import displace, lever_arm

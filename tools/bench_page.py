@@ -28,7 +28,7 @@ from browser import Page, browser  # type: ignore[import-not-found]
 
 from s2a.core.provenance import provenance
 from s2a.view.page import cards
-from s2a.view.page.read import read
+from s2a.view.page.room import read
 from s2a.view.page.scene_nodes import thinned
 
 ROOT = Path(__file__).parents[1]

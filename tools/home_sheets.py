@@ -14,9 +14,8 @@ import numpy as np
 import sheet
 
 from s2a.core import config
-from s2a.homes.catalog import Entry, catalog
 from s2a.homes.furnishing import HOMES, home
-from s2a.homes.room import Room
+from s2a.homes.room import Entry, Room, catalog
 from s2a.homes.solids import Piece
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose
 from s2a.scene.geometry.mesh_ops import merge

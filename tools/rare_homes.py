@@ -11,9 +11,9 @@ from dataclasses import replace
 
 from s2a.core import config
 from s2a.core.progress import track
-from s2a.homes.catalog import catalog, handle_of, part_truth
 from s2a.homes.commands.pool import Config, rooms_of
 from s2a.homes.furnishing import furnish
+from s2a.homes.room import catalog, handle_of, part_truth
 from s2a.homes.sample import SampleConfig, streams
 
 

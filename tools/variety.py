@@ -27,9 +27,13 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
 from s2a.core.provenance import provenance  # noqa: E402
-from s2a.homes.catalog import Entry, catalog, moves  # noqa: E402
 from s2a.homes.furnishing import HOMES, home  # noqa: E402
-from s2a.homes.room import Room  # noqa: E402
+from s2a.homes.room import (  # noqa: E402
+    Entry,
+    Room,  # noqa: E402
+    catalog,
+    moves,
+)
 
 CELL = 0.25
 """[m] Edge of a cell of a floor plan."""

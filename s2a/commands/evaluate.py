@@ -41,7 +41,7 @@ from s2a.tasks.base import Task
 from s2a.tasks.env import VecEnv
 from s2a.tasks.soft import NAME, SOFT_TASK, SoftTask, trials
 from s2a.tasks.soft_metrics import COLUMNS, VALUES, SoftMetrics
-from s2a.view.playback import states
+from s2a.view import states
 
 REFUSED = ("also", "checkpoint", "policy", "agent", "perception", "export", "images", "search_base", "recordings")
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
+from s2a.view.report import read
 from s2a.view.report.document import images, videos
-from s2a.view.report.read import read
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,6 @@ def _videos(states: Path | None, stage: Path | None) -> str:
     if not states or not stage:
         given, missing = ("states", "stage=ROOM.usd") if states else ("stage", "states=FILE.npz")
         raise InputError(f"key {given!r} is given alone; a video needs both: give {missing}, too")
-    from s2a.view.playback.film import films  # of the extras "sim" and "collect"
+    from s2a.view.film import films  # of the extras "sim" and "collect"
 
     return videos((film.caption, film.data) for film in films(states, stage))

@@ -23,7 +23,7 @@ from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import ENCODINGS
 from s2a.view.page import cards
 from s2a.view.page.glb import thinned
-from s2a.view.page.room import PageRoom, hue
+from s2a.view.page.room import PageRoom, hue, read
 
 DATASET = "meta/s2a.json"
 """By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episode.ABOUT`, which needs the extra "sim")."""
@@ -117,8 +117,8 @@ def _play(config: Config, stage: Path) -> str:
         raise InputError(f"{config.path} is played on the page alone; give page=true, without image or html")
     room = _page_room(replace(config, path=stage))
     from s2a.scene.usd import sim_stage
-    from s2a.view.page import player  # viser is of the extra "view"
-    from s2a.view.playback import states  # of the extra "sim"
+    from s2a.view import states  # of the extra "sim"
+    from s2a.view.page import serve  # viser is of the extra "view"
 
     found = states.of_states(
         states.read_played(config.path, stage, config.first, config.worlds), sim_stage.read(stage, visuals=False)
@@ -126,8 +126,8 @@ def _play(config: Config, stage: Path) -> str:
     room = thinned(room, config.max_faces) if config.max_faces else room
     view = _page_view(room, config)
     if config.part is None:  # a part is seen in the first world: others are a room away
-        view = player.whole(view, room, len(found.worlds))
-    with player.served(room, found, view, config.camera.fov, config.port) as address:
+        view = serve.whole(view, room, len(found.worlds))
+    with serve.served_worlds(room, found, view, config.camera.fov, config.port) as address:
         report(f"{config.path}: {len(found.worlds)} worlds, {found.frames} frames, at {address}; Ctrl-C ends it")
         with suppress(KeyboardInterrupt):
             threading.Event().wait()
@@ -147,8 +147,6 @@ def _refuse_keys(config: Config) -> None:
 
 
 def _page_room(config: Config) -> PageRoom:
-    from s2a.view.page.read import read  # its boxes are of the extra "sim"; the tree needs no extra
-
     room = read(config.path)
     if config.part and config.part not in room.parts:
         raise InputError(f"part {config.part!r} is not in {room.name!r}; s2a view path={config.path} lists its parts")

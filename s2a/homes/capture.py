@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a.core.bounds import Fraction, NotNegative
-from s2a.homes.catalog import Entry
-from s2a.homes.room import Room
+from s2a.homes.room import Entry, Room
 from s2a.homes.scanner import ScannerConfig, scan
 from s2a.homes.solids import FABRIC, PLAIN, WOOD, Surface, rotation
 from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh

@@ -1,7 +1,7 @@
 """Cabinets of any size from columns of cells: drawers, doors, flaps, shelves.
 
 Local frame: back at x = 0, centred in y, floor at z = 0, metres. One builder makes kitchen units, wardrobes,
-chests, lockers and the like: a family (`s2a.homes.families`) only draws its numbers.
+chests, lockers and the like: a family (`s2a.homes.storage` and its like) only draws its numbers.
 Fronts lie before the cabinet body (full overlay), as wide as their cells but for the gaps between them.
 """
 
@@ -14,10 +14,9 @@ import numpy as np
 from s2a.homes import clutter, fronts, grips
 from s2a.homes.clutter import Board
 from s2a.homes.draw import chance, integer
-from s2a.homes.fronts import BOTTOM, LEFT, RIGHT, TOP, Side, cabinet_body, hinged
+from s2a.homes.fronts import BOTTOM, LEFT, RIGHT, TOP, Opening, Side, Style, cabinet_body, hinged
 from s2a.homes.grips import GripDesign, upright
 from s2a.homes.solids import Piece, Surface, at, box, join
-from s2a.homes.styles import Opening, Style
 from s2a.scene.scene import Joint
 
 HANDLE_HEIGHT = 1.05

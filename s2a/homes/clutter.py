@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.homes import decor, household, objects
-from s2a.homes import decor as cloth
+from s2a.homes import household, objects
 from s2a.homes.draw import integer, pick, uniform
 from s2a.homes.objects import SPINES
 from s2a.homes.solids import FABRIC, WOOD, Color, Piece, at, box, cylinder, join, lathe
@@ -93,7 +92,7 @@ def pot_plant(rng: np.random.Generator) -> Piece:
 
 def pile(rng: np.random.Generator) -> Piece:
     """Return a few books that lie on each other, as one object."""
-    return Piece("books", join(*(book.surface for book in decor.pile(rng, integer(rng, 1, 4)))))
+    return Piece("books", join(*(book.surface for book in objects.pile(rng, integer(rng, 1, 4)))))
 
 
 def row(rng: np.random.Generator) -> Piece:
@@ -121,7 +120,7 @@ def towels(rng: np.random.Generator) -> Piece:
 
 def folded(rng: np.random.Generator) -> Piece:
     """Return a pile of folded clothes."""
-    return cloth.clothes(rng, integer(rng, 1, 3))
+    return objects.clothes(rng, integer(rng, 1, 3))
 
 
 def bottle(rng: np.random.Generator) -> Piece:
@@ -136,7 +135,7 @@ def soap(rng: np.random.Generator) -> Piece:
 
 def shoes(rng: np.random.Generator) -> Piece:
     """Return a pair of shoes."""
-    return decor.slippers(rng)
+    return objects.slippers(rng)
 
 
 def basket(rng: np.random.Generator) -> Piece:
@@ -169,14 +168,22 @@ THEMES: dict[str, tuple[Maker, ...]] = {
     "clothes": (folded, folded, carton, shoes),
     "bedroom": (
         pile,
-        lambda r: decor.candle(uniform(r, (0.05, 0.15))),
-        lambda r: decor.alarm_clock(),
-        decor.photo,
+        lambda r: objects.candle(uniform(r, (0.05, 0.15))),
+        lambda r: objects.alarm_clock(),
+        objects.photo,
         vase,
         case,
     ),
-    "living": (row, pile, vase, decor.photo, lambda r: decor.candle(uniform(r, (0.05, 0.2))), pot_plant, decor.bowl),
-    "dishes": (vase, decor.bowl, bottle, lambda r: household.plate(0.11), objects.cup),
+    "living": (
+        row,
+        pile,
+        vase,
+        objects.photo,
+        lambda r: objects.candle(uniform(r, (0.05, 0.2))),
+        pot_plant,
+        objects.bowl,
+    ),
+    "dishes": (vase, objects.bowl, bottle, lambda r: household.plate(0.11), objects.cup),
     "tools": (tool_box, can, crate, carton, case),
     "shoes": (shoes, carton, basket),
     "nothing": (),

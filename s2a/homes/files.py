@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
-from s2a.homes.catalog import Entry
+from s2a.homes.room import Entry
 from s2a.scene.scene import Joint, Mesh
 
 GROUPS = {

@@ -268,7 +268,7 @@ def _edge(grip: GripDesign) -> Piece:
 
 
 def _recess(grip: GripDesign) -> Piece:
-    """Return the lining of a pocket in the front: a tray that is open towards +x; see `panels.pocketed`."""
+    """Return the lining of a pocket in the front: a tray that is open towards +x; see `fronts.pocketed`."""
     y, z, deep, wall = grip.length / 2, grip.width / 2, grip.depth, 0.0015
     sides = [
         box((-deep, 0), (-y, y), (-z, -z + wall), grip.color),

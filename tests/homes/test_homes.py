@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from solid_sweep import SHELL, carried, clashes, overlaps, parts, whole
 
-from s2a.homes.catalog import cad, catalog, clean_scene
 from s2a.homes.furnishing import HOMES, home
-from s2a.homes.room import Room, outline
+from s2a.homes.room import Room, cad, catalog, clean_scene, outline
 from s2a.homes.solids import Piece, Surface, at, box, join
 from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 

@@ -17,10 +17,9 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.homes import files
 from s2a.homes.capture import AnnotationConfig, annotated_joints, overlooked, reversed_joints, swallowed, without
-from s2a.homes.catalog import catalog
 from s2a.homes.furnishing import home
-from s2a.homes.pairs import HEAD_AIR, MAX_TURN, STEP, again, revisited
-from s2a.homes.sample import SampleConfig, sample, scan_room, truth_record
+from s2a.homes.room import catalog
+from s2a.homes.sample import HEAD_AIR, MAX_TURN, STEP, SampleConfig, again, revisited, sample, scan_room, truth_record
 from s2a.homes.scanner import DriftConfig, drifts, smoothed
 from s2a.homes.solids import box, join
 from s2a.scan import ply

@@ -9,9 +9,8 @@ import pytest
 import warp as wp
 
 from s2a.homes.panorama import NoiseConfig, View, cast_panorama, measure, pixel_tangents
-from s2a.homes.scanner import project_to_scan
+from s2a.homes.scanner import FusionConfig, fuse, project_to_scan
 from s2a.homes.solids import box, join, rotation, translation
-from s2a.homes.tsdf import FusionConfig, fuse
 from s2a.scene.geometry.mesh_ops import normals, sample_with_faces
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scene.geometry.surface_nets import Net, extract

@@ -19,8 +19,8 @@ from settings import load
 from s2a import scan
 from s2a.homes import files
 from s2a.homes.capture import AnnotationConfig, annotated_joints
-from s2a.homes.catalog import Entry, cad, catalog, clean_scene
 from s2a.homes.furnishing import HOMES, home
+from s2a.homes.room import Entry, cad, catalog, clean_scene
 from s2a.scan.ply_file import write_ply
 from s2a.scene.scene import Joint, Mesh, Scene
 

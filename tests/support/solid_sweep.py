@@ -9,8 +9,7 @@ import numpy as np
 import trimesh
 import warp as wp
 
-from s2a.homes.catalog import Entry, catalog
-from s2a.homes.room import Room
+from s2a.homes.room import Entry, Room, catalog
 from s2a.homes.solids import Piece, Surface, join, rotation, translation
 from s2a.scene.scene import Joint
 

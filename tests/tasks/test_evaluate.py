@@ -16,7 +16,7 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.learn.evaluate import baseline, rate
 from s2a.tasks.open_part import OpenPart
-from s2a.view.playback import states
+from s2a.view import states
 
 
 def settings(*keys: str) -> verb.Config:

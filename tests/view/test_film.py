@@ -16,8 +16,8 @@ from s2a import robot  # noqa: E402
 from s2a.commands import cli  # noqa: E402
 from s2a.core.errors import InputError  # noqa: E402
 from s2a.scene.usd.stamp import layer_hash  # noqa: E402
-from s2a.view.playback import film, states  # noqa: E402
-from s2a.view.playback.states import States  # noqa: E402
+from s2a.view import film, states  # noqa: E402
+from s2a.view.states import States  # noqa: E402
 
 START = np.array(robot.load("panda").start)
 BASE = np.array([1.1, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])

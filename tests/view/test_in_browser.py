@@ -17,7 +17,8 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 from s2a.commands import cli  # noqa: E402
 from s2a.scene.geometry.camera import CameraPose  # noqa: E402
-from s2a.view.page import cards, read, scene_nodes, serve  # noqa: E402
+from s2a.view.page import cards, scene_nodes, serve  # noqa: E402
+from s2a.view.page import room as read  # noqa: E402
 
 pytestmark = [
     pytest.mark.browser,

@@ -15,7 +15,7 @@ from s2a.commands import cli
 from s2a.core.errors import InputError
 from s2a.scene.usd.stamp import content_hash
 from s2a.view.page import cards
-from s2a.view.page.read import read
+from s2a.view.page.room import read
 
 CHECK = {"name": "grasp_hold", "status": "fail", "value": 0.0031, "bound": 0.002, "unit": "m", "prim": "/x"}
 CHECK |= {"message": "it <slips>", "remedy": "grip harder"}

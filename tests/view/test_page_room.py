@@ -19,8 +19,7 @@ from s2a.scene.usd import descriptive, geometric, sim_stage
 from s2a.scene.usd.sim_scene import Collider, SimRoom
 from s2a.view.page import cards, layers, panel
 from s2a.view.page.panel import pick
-from s2a.view.page.read import of_scene, of_sim_room, read
-from s2a.view.page.room import Coordinates, PageRoom, unit
+from s2a.view.page.room import Coordinates, PageRoom, of_scene, of_sim_room, read, unit
 
 
 @pytest.fixture

@@ -14,7 +14,8 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 from s2a.scene.geometry.camera import CameraPose  # noqa: E402
 from s2a.scene.scene import Mesh  # noqa: E402
-from s2a.view.page import player, read  # noqa: E402
+from s2a.view.page import room as read  # noqa: E402
+from s2a.view.page import serve  # noqa: E402
 from s2a.view.page.room import Played, PlayedWorld  # noqa: E402
 
 pytestmark = [
@@ -40,18 +41,18 @@ def page(tmp_path: Path) -> Iterator[browser.Page]:
     room = read.read(write_cabinet(tmp_path / "sim.usd", free=[free_cube("cube_9", (0.0, 0.0, 0.852), 0.1, 0.2)]))
     link = Mesh(np.array([(0.0, 0, 0), (0.1, 0, 0), (0, 0, 0.4)]), np.array([(0, 1, 2)]))
     played = Played(RATE, (link,), (world("world 0", 0.3), world("world 1", 0.1)))
-    view = player.whole(VIEW, room, 2)
-    with browser.browser(WIDTH, HEIGHT) as page, player.served(room, played, view, 0.8, 8410) as address:
+    view = serve.whole(VIEW, room, 2)
+    with browser.browser(WIDTH, HEIGHT) as page, serve.served_worlds(room, played, view, 0.8, 8410) as address:
         page.open(address)
         page.wait(lambda: "time [s]" in page.text(), 30.0)
         page.wait(lambda: "world 1, drawer_2 0 mm" in page.text(), 30.0)
-        page.wait(lambda: (page.image()[:, : WIDTH - player.WIDTH] < 245).any(axis=-1).mean() > 0.1, 30.0)
+        page.wait(lambda: (page.image()[:, : WIDTH - serve.WIDTH] < 245).any(axis=-1).mean() > 0.1, 30.0)
         yield page
         assert page.errors() == []
 
 
 def changed(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    differs = np.abs(before.astype(int) - after)[:, : WIDTH - player.WIDTH].max(axis=-1) > 24
+    differs = np.abs(before.astype(int) - after)[:, : WIDTH - serve.WIDTH].max(axis=-1) > 24
     return np.argwhere(differs)[:, ::-1]
 
 
@@ -61,7 +62,7 @@ def test_the_slider_of_time_moves_both_worlds(page: browser.Page) -> None:
     page.wait(lambda: "world 0, drawer_2 300 mm" in page.text() and "world 1, drawer_2 100 mm" in page.text(), 10.0)
     page.wait(lambda: len(changed(before, page.image())) > 300, 10.0)
     across = changed(before, page.image())[:, 0]
-    middle = (WIDTH - player.WIDTH) / 2
+    middle = (WIDTH - serve.WIDTH) / 2
     assert (across < middle).sum() > 50 and (across > middle).sum() > 50
     page.type("time [s]", 0)
     page.wait(lambda: len(changed(before, page.image())) == 0, 10.0)

@@ -12,9 +12,8 @@ import pytest
 
 from s2a.commands import cli
 from s2a.core.errors import InputError
-from s2a.view.report import training
+from s2a.view.report import read, results
 from s2a.view.report.document import Document, images, table, text
-from s2a.view.report.read import read
 
 RESULTS = Path(__file__).parents[2] / "experiments/results"
 VOID = ("meta", "link", "img", "path", "rect", "circle", "br")
@@ -218,11 +217,11 @@ def test_an_image_that_is_none_is_refused(tmp_path: Path) -> None:
 
 def test_only_the_papers_weights_have_the_papers_figure() -> None:
     weights = settings()["reward"]
-    assert training.reported(weights, "twin.usd") == training.TABLE[0]
-    assert training.reported(weights, "room.usd") == training.TABLE[1]
-    assert training.reported(weights | {"finger": 3.0}, "room.usd") is None
+    assert results.reported(weights, "twin.usd") == results.TABLE[0]
+    assert results.reported(weights, "room.usd") == results.TABLE[1]
+    assert results.reported(weights | {"finger": 3.0}, "room.usd") is None
     for further in ("pinch", "grasped_path"):
-        assert training.reported(weights | {further: 4.0}, "room.usd") is None
+        assert results.reported(weights | {further: 4.0}, "room.usd") is None
 
 
 def test_a_column_that_another_repeats_is_left_out(tmp_path: Path) -> None:

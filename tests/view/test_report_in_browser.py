@@ -10,9 +10,8 @@ import pytest
 
 browser = pytest.importorskip("browser", reason="selenium is not installed", exc_type=ImportError)
 
-from s2a.view.report import document  # noqa: E402
+from s2a.view.report import document, read  # noqa: E402
 from s2a.view.report.document import Line, lines  # noqa: E402
-from s2a.view.report.read import read  # noqa: E402
 
 pytestmark = [
     pytest.mark.browser,
@@ -59,7 +58,7 @@ def test_the_numbers_of_a_chart_are_not_cut(visitor: browser.Page, tmp_path: Pat
 
 
 def test_a_video_is_ready_to_play_and_as_long_as_it_is(visitor: browser.Page, tmp_path: Path) -> None:
-    film = pytest.importorskip("s2a.view.playback.film", reason="av or newton is not installed", exc_type=ImportError)
+    film = pytest.importorskip("s2a.view.film", reason="av or newton is not installed", exc_type=ImportError)
     level = np.linspace(0, 255, 16).astype(np.uint8)
     images = [np.full((64, 96, 3), value, np.uint8) for value in level]
     section = document.videos([("world 0: success", film.encoded(images, film.RATE))])

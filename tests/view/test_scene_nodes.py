@@ -15,8 +15,7 @@ viser = pytest.importorskip("viser")
 from s2a.scene.scene import Joint, Part, Scene  # noqa: E402
 from s2a.view.page import layers, panel, scene_nodes, serve  # noqa: E402
 from s2a.view.page.glb import thinned  # noqa: E402
-from s2a.view.page.read import of_scene  # noqa: E402
-from s2a.view.page.room import PageRoom  # noqa: E402
+from s2a.view.page.room import PageRoom, of_scene  # noqa: E402
 
 PORT = 8600
 

@@ -15,9 +15,9 @@ from s2a.core.errors import InputError
 from s2a.learn.collect import episode
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.stamp import layer_hash
-from s2a.view.playback import states
-from s2a.view.playback import states as played
-from s2a.view.playback.states import States
+from s2a.view import states
+from s2a.view import states as played
+from s2a.view.states import States
 
 START = np.array(robot.load("panda").start)
 BASE = np.array([0.9, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])

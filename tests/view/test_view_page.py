@@ -15,8 +15,7 @@ from s2a.commands import cli
 from s2a.scene.scene import Mesh, Part, Scene
 from s2a.scene.usd import geometric
 from s2a.view.page.glb import clustered, thinned
-from s2a.view.page.read import of_scene
-from s2a.view.page.room import PageRoom, hue
+from s2a.view.page.room import PageRoom, hue, of_scene
 
 
 def plane(size: float, step: float) -> Mesh:

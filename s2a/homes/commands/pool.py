@@ -20,7 +20,7 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import StdoutFilter, track
 from s2a.core.provenance import provenance
-from s2a.homes.catalog import handle_of
+from s2a.homes.room import handle_of
 from s2a.homes.sample import RoomKind, SampleConfig, sample
 from s2a.learn.perception import depth_camera as cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom

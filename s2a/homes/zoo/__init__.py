@@ -2,12 +2,12 @@
 
 from functools import cache
 
-from s2a.homes.zoo import bathroom, bedroom, desk, kitchen, living_room, ornaments
+from s2a.homes.zoo import bathroom, bedroom, desk, kitchen, living_room
 from s2a.homes.zoo.shapes import ZooObject
 
 __all__ = ["ZooObject", "zoo"]
 
-MODULES = (bathroom, kitchen, bedroom, desk, living_room, ornaments)
+MODULES = (bathroom, kitchen, bedroom, desk, living_room)
 """Where they are made, by category."""
 
 

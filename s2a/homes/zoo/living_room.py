@@ -1,4 +1,4 @@
-"""Living room: on the wall, for the evening. Shapes in millimetres, at the ordinary sizes of such objects."""
+"""Living room: on the wall, for the evening, ornaments, games. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -6,7 +6,22 @@ import numpy as np
 
 from s2a.homes.solids import WOOD, Surface, box, cylinder, ellipsoid, join, lathe
 from s2a.homes.zoo import shapes as p
-from s2a.homes.zoo.shapes import ZooObject, arc, pebble, plate, put, ring, settled, smooth, tube, turned, zoo_object
+from s2a.homes.zoo.shapes import (
+    ZooObject,
+    arc,
+    in_plane,
+    loft,
+    pebble,
+    plate,
+    put,
+    ring,
+    settled,
+    skin,
+    smooth,
+    tube,
+    turned,
+    zoo_object,
+)
 
 ROUND = range(0, 360, 30)
 
@@ -166,6 +181,337 @@ def _ukulele() -> Surface:
     return settled(put(join(body, hole, neck, *frets, head, *pegs, bridge, *strings), pitch=-14), 4)
 
 
+def _vase() -> Surface:
+    """A blue and white vase, 320 mm high."""
+    body = turned([(55, 0), (60, 10), (100, 150), (90, 220), (40, 270), (38, 290), (52, 318)], p.WHITE, sides=32)
+    bands = [put(ring(r, 6, p.BLUE), z=z) for r, z in ((61, 18), (41, 262), (51, 316), (91.5, 218))]
+    petals = [put(put(ellipsoid((8, 34, 34), p.BLUE), 97), z=150, yaw=a) for a in ROUND]
+    leaves = [
+        put(put(ellipsoid((8, 16, 40), p.NAVY), r), z=z, yaw=a + 15) for a in ROUND for r, z in ((93, 110), (96, 190))
+    ]
+    return join(body, *bands, *petals, *leaves, put(cylinder(44, 2, p.NAVY), z=318))
+
+
+def _cactus() -> Surface:
+    """In a pot, 260 mm high, with two arms and a flower."""
+    pot = join(
+        lathe([(0, 0), (48, 0), (60, 78), (0, 78)], p.TERRACOTTA),
+        lathe([(0, 76), (68, 76), (70, 98), (58, 98), (56, 90), (0, 90)], p.TERRACOTTA),
+    )
+
+    def stem(path: list[tuple[float, float]], r: float) -> Surface:
+        """A round-ended stem with spines in rows."""
+        line = in_plane(smooth(path, 12), 0)
+        ribs = [
+            tube(line + (0.86 * r * np.cos(a), 0.86 * r * np.sin(a) * (len(path) < 3), 0), 0.22 * r, p.GREEN, 6)
+            for a in np.radians(ROUND)
+        ]
+        return join(tube(line, r, p.LEAF, 14), *ribs, put(ellipsoid((2.1 * r,) * 3, p.LEAF), *line[-1]))
+
+    arms = [stem([(0, z), (s * 62, z + 4), (s * 66, z + 52)], 15) for s, z in ((-1, 150), (1, 172))]
+    spots = [
+        (put(put(box((0, 9), (-0.7, 0.7), (-0.7, 0.7), p.WHITE), 33, pitch=0), z=z, yaw=a))
+        for z in range(104, 226, 16)
+        for a in ROUND
+    ]
+    flower = [put(put(ellipsoid((26, 14, 12), p.ROSE), 12, pitch=-25), z=258, yaw=a) for a in ROUND[::2]]
+    return join(
+        pot, stem([(0, 85), (0, 225)], 33), *arms, *spots, *flower, put(ellipsoid((14, 14, 14), p.YELLOW), z=264)
+    )
+
+
+def _candelabra() -> Surface:
+    """For five candles, 400 mm high."""
+    foot = turned([(75, 0), (72, 10), (22, 24), (10, 50), (16, 70), (8, 100), (8, 240)], p.GOLD)
+    arms = [
+        tube(in_plane(smooth([(0, 140), (0.6 * r, 130), (r, 165), (r, z)], 16), 0), 6, p.GOLD)
+        for r, z in ((70, 225), (140, 225), (-70, 225), (-140, 225))
+    ]
+    places = [(y, 225 if y else 240) for y in (-140, -70, 0, 70, 140)]
+    cups = [put(lathe([(0, 0), (10, 0), (24, 12), (0, 14)], p.GOLD), 0, y, z) for y, z in places]
+    wax = [put(cylinder(10, 110, p.CREAM), 0, y, z + 12) for y, z in places]
+    flames = [put(turned([(2, 0), (7, 10), (1, 30)], p.ORANGE), 0, y, z + 124) for y, z in places]
+    return join(foot, *arms, *cups, *wax, *flames)
+
+
+def _hourglass() -> Surface:
+    """180 mm high."""
+    ends = [put(cylinder(46, 12, p.WALNUT), z=z) for z in (0, 168)]
+    posts = [
+        put(put(turned([(5, 10), (7, 40), (4, 90), (7, 140), (5, 170)], p.WALNUT), 38), yaw=a) for a in (60, 180, 300)
+    ]
+    glass = turned([(10, 12), (30, 26), (30, 55), (3, 90), (30, 125), (30, 154), (10, 168)], p.SKY)
+    sand = [
+        lathe([(0, 14), (30.6, 26), (30.6, 44), (8, 62), (0, 64)], p.AMBER),
+        turned([(3.5, 90), (23, 115), (30.8, 126), (30.5, 130)], p.AMBER),
+    ]
+    return join(*ends, *posts, glass, *sand)
+
+
+def _sailing_boat() -> Surface:
+    """A model on its stand, 420 mm high."""
+    hull = loft([(0, 10, 90), (18, 30, 135, 0, 4), (44, 38, 160, 0, 10), (56, 38, 172, 0, 16)], p.RED)
+    deck, stripe = (
+        put(loft([(0, 34, 166, 0, 16), (3, 34, 166, 0, 16)], p.BEECH), z=56),
+        loft([(40, 37.6, 158.5, 0, 9), (47, 39, 163.5, 0, 11.5)], p.WHITE),
+    )
+    mast, boom = put(cylinder(4, 330, p.BROWN), 0, 10, 56), tube([(0, 10, 84), (0, -140, 90)], 3, p.BROWN)
+    sails = [
+        plate([(4, 96), (-134, 100), (4, 370)], (-1.5, 1.5), p.WHITE, 0),
+        plate([(18, 84), (176, 66), (16, 340)], (-1.5, 1.5), p.CREAM, 0),
+    ]
+    stripes = [
+        plate([(4, z), (-134 + (z - 100) * 0.52, z), (-134 + (z - 80) * 0.52, z + 20), (4, z + 20)], (-2, 2), p.BLUE, 0)
+        for z in (140, 190)
+    ]
+    flag = plate([(10, 386), (-30, 376), (10, 366)], (-1, 1), p.RED, 0)
+    stand = [box((-44, 44), (y, y + 14), (-34, 14), p.WALNUT) for y in (-70, 60)] + [
+        box((-50, 50), (-110, 110), (-44, -32), p.WALNUT)
+    ]
+    return join(
+        hull,
+        deck,
+        stripe,
+        mast,
+        boom,
+        *sails,
+        *stripes,
+        flag,
+        *stand,
+        put(pebble((36, 80, 22), p.WHITE, 5), 0, -60, 56),
+    )
+
+
+def _trophy() -> Surface:
+    """A cup on a plinth, 300 mm high."""
+    plinth = join(box((-50, 50), (-50, 50), (0, 60), p.WALNUT), box((50, 51.5), (-34, 34), (16, 44), p.GOLD))
+    cup = turned([(40, 60), (36, 68), (10, 84), (8, 120), (14, 132), (58, 180), (66, 240), (72, 290)], p.GOLD)
+    ears = [
+        tube(in_plane(smooth([(s * 66, 270), (s * 112, 272), (s * 108, 210), (s * 40, 158)], 16), 0), 6, p.GOLD)
+        for s in (-1, 1)
+    ]
+    star = [
+        (r * np.sin(a), r * np.cos(a))
+        for k, a in enumerate(np.radians(np.arange(0, 360, 36)))
+        for r in ((26, 11)[k % 2],)
+    ]
+    return join(
+        plinth, cup, *ears, put(plate(star, (0, 8), p.RED, 0), 60, 0, 232), put(cylinder(64, 2, p.AMBER), z=289)
+    )
+
+
+def _bonsai() -> Surface:
+    """A small tree in a tray, 300 mm high."""
+    tray = join(
+        put(pebble((150, 230, 50), p.NAVY, 6), z=8),
+        put(pebble((138, 216, 8), p.WALNUT, 6), z=54),
+        *[box((x, x + 20), (y, y + 20), (0, 20), p.NAVY) for x in (-60, 40) for y in (-95, 75)],
+    )
+    trunk = tube(
+        smooth([(0, -10, 55), (6, 26, 105), (0, -6, 160), (0, 14, 215), (0, 8, 240)], 20),
+        np.linspace(20, 7, 20),
+        p.BROWN,
+        12,
+    )
+    boughs = [
+        tube([(0, y0, z0), (x, y, z)], 6, p.BROWN, 8)
+        for x, y, z, y0, z0 in ((10, 84, 158, 14, 125), (-6, -80, 190, -4, 165), (30, -30, 215, 4, 185))
+    ]
+    crowns = ((10, 92, 166, 120), (-6, -86, 200, 120), (0, 10, 258, 150), (34, -28, 224, 90), (-30, 36, 214, 90))
+    pads = [put(ellipsoid((0.8 * s, s, 0.42 * s), p.LEAF, sides=10), x, y, z) for x, y, z, s in crowns]
+    tufts = [
+        put(
+            ellipsoid((0.4 * s, 0.4 * s, 0.3 * s), p.GREEN, sides=8),
+            x + 0.26 * s * np.cos(a),
+            y + 0.33 * s * np.sin(a),
+            z + 0.06 * s,
+        )
+        for x, y, z, s in crowns
+        for a in np.radians(range(0, 360, 60))
+    ]
+    return join(tray, trunk, *boughs, *pads, *tufts)
+
+
+def _globe() -> Surface:
+    """An earth globe on a stand, 380 mm high."""
+    lands = [
+        [(20, -15), (32, 5), (20, 35), (5, 42), (-30, 25), (-33, 18), (0, 10), (5, -8)],
+        [
+            (40, -5),
+            (60, 10),
+            (68, 40),
+            (70, 90),
+            (60, 140),
+            (40, 120),
+            (20, 105),
+            (12, 78),
+            (25, 60),
+            (32, 40),
+            (42, 28),
+        ],
+        [(68, -160), (70, -95), (50, -60), (30, -80), (18, -96), (32, -115), (55, -130)],
+        [(10, -75), (5, -52), (-8, -36), (-40, -62), (-53, -70), (-18, -72)],
+        [(-14, 130), (-12, 142), (-28, 153), (-38, 145), (-33, 116), (-22, 115)],
+    ]
+    ball = join(
+        ellipsoid((250, 250, 250), p.BLUE, sides=32), *[_land(np.radians(np.array(land, float))) for land in lands]
+    )
+    tilted = put(join(ball, put(cylinder(4, 276, p.GOLD), z=-138)), z=235, yaw=-20, roll=23)
+    arm = put(tube(in_plane(arc(138, -90, 90, 25), 0), 6, p.GOLD), z=235, roll=23)
+    foot = turned([(85, 0), (82, 12), (24, 26), (12, 50), (16, 100)], p.WALNUT)
+    return join(tilted, arm, foot)
+
+
+def _land(shore: np.ndarray) -> Surface:
+    """A continent from its shore (latitude, longitude) [rad], a thick skin over the globe that is fanned from its middle."""
+    middle = shore.mean(axis=0)
+    n = len(shore)
+    fine = np.concatenate([np.linspace(shore[i], shore[(i + 1) % n], 5)[:-1] for i in range(n)])
+    shells = []
+    for share in (0.01, 0.25, 0.5, 0.75, 1.0):
+        lat, lon = (middle + share * (fine - middle)).T
+        shells.append(np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1))
+    rings = [127.5 * s for s in shells] + [119 * s for s in shells[::-1]]
+    return skin(np.array(rings), False, p.GREEN)
+
+
+def _chess() -> Surface:
+    """A board of 400 mm with men in play."""
+    fields = [
+        box(
+            (48 * i - 192, 48 * i - 144), (48 * j - 192, 48 * j - 144), (17, 20.5), p.CREAM if (i + j) % 2 else p.WALNUT
+        )
+        for i in range(8)
+        for j in range(8)
+    ]
+
+    def pawn(color: tuple[int, int, int]) -> Surface:
+        return join(
+            turned([(15, 0), (14, 8), (6, 18), (6, 34)], color, sides=14), put(ellipsoid((19, 19, 19), color), z=40)
+        )
+
+    def king(color: tuple[int, int, int]) -> Surface:
+        cross = join(box((-2.5, 2.5), (-2.5, 2.5), (80, 98), color), box((-2.5, 2.5), (-8, 8), (86, 91), color))
+        return join(turned([(18, 0), (17, 10), (8, 24), (8, 58), (14, 62), (10, 66), (15, 82)], color, sides=14), cross)
+
+    def rook(color: tuple[int, int, int]) -> Surface:
+        teeth = [put(box((7, 14), (-4, 4), (50, 58), color), yaw=a) for a in ROUND[::2]]
+        return join(turned([(17, 0), (16, 9), (10, 20), (10, 38), (15, 42), (15, 51)], color, sides=14), *teeth)
+
+    places = [(pawn, 1, j) for j in (0, 1, 3, 5, 6, 7)] + [
+        (pawn, 2, 2),
+        (pawn, 3, 4),
+        (king, 0, 4),
+        (rook, 0, 0),
+        (rook, 0, 7),
+        (king, 0, 3),
+    ]
+    men = [put(man(p.BLACK), 48 * i - 168, 48 * j - 168, 20) for man, i, j in places]
+    men += [put(man(p.IVORY), 168 - 48 * i, 168 - 48 * j, 20) for man, i, j in places]
+    return join(box((-205, 205), (-205, 205), (0, 19), p.BROWN), *fields, *men)
+
+
+def _snow_globe() -> Surface:
+    """100 mm high: a snowman and a fir in a glass ball that is cut open in front."""
+    foot = lathe([(0, 0), (42, 0), (44, 8), (34, 30), (0, 30)], p.RED)
+    plaque = put(box((0, 2), (-16, 16), (0, 10), p.GOLD), 38, 0, 10, pitch=-20)
+    angles = np.radians(np.linspace(-45, 90, 14))
+    section = [(42 * np.cos(a), 62 + 42 * np.sin(a)) for a in angles]
+    shell = np.array(
+        [[(r * np.cos(t), r * np.sin(t), z) for r, z in section] for t in np.radians(np.linspace(75, 285, 22))]
+    )
+    inner = shell * (0.96, 0.96, 1) + (0, 0, 0)
+    glass = _sheet(shell, inner)
+    snow = lathe([(0, 28), (33, 28), (38, 38), (20, 42), (0, 43)], p.WHITE)
+    man = [put(ellipsoid((s, s, s), p.WHITE), 8, -9, z) for s, z in ((24, 50), (17, 66), (12, 78))]
+    hat = join(put(cylinder(8, 2, p.BLACK), 8, -9, 83), put(cylinder(5, 8, p.BLACK), 8, -9, 84))
+    face = [put(ellipsoid((8, 2.5, 2.5), p.ORANGE), 16, -9, 77)] + [
+        put(ellipsoid((2, 2, 2), p.BLACK), 13.5, -9 + s, 80) for s in (-2.5, 2.5)
+    ]
+    fir = [
+        put(lathe([(0, 0), (r, 0), (1, r * 1.5), (0, r * 1.5)], p.GREEN, sides=10), -2, 14, z)
+        for r, z in ((15, 44), (12, 56), (8, 68))
+    ]
+    flakes = [
+        put(ellipsoid((3, 3, 3), p.WHITE), *spot)
+        for spot in ((-24, -14, 80), (-26, 6, 88), (-20, 24, 76), (-30, -2, 70), (-10, -22, 88))
+    ]
+    return join(foot, plaque, glass, snow, *man, hat, *face, *fir, *flakes)
+
+
+def _sheet(outer: np.ndarray, inner: np.ndarray) -> Surface:
+    """A closed shell between two grids of points [row column 3]."""
+    rings = np.concatenate([outer, inner[:, ::-1]], axis=1)
+    return skin(rings, False, p.SKY)
+
+
+def _fish_bowl() -> Surface:
+    """A goldfish in a round bowl whose glass is left away in front, 220 mm high."""
+    section = [(45, 0), (85, 20), (115, 70), (120, 110), (105, 165), (80, 200), (92, 212)]
+    curve = smooth(section, 22)
+    wall = np.array(
+        [[(r * np.cos(t), r * np.sin(t), z) for r, z in curve] for t in np.radians(np.linspace(62, 298, 30))]
+    )
+    glass = _sheet(wall, wall * (0.97, 0.97, 1))
+    base = join(
+        lathe([(0, 0), (45, 0), (85, 20), (102, 44), (80, 52), (0, 54)], p.STRAW),
+        lathe([(0, -0.5), (50, -0.5), (50, 3), (0, 3)], p.SKY),
+    )
+    stones = [
+        put(ellipsoid((24, 20, 16), c), 70 * np.cos(a), 70 * np.sin(a), 52)
+        for a, c in ((0.2, p.WHITE), (-0.5, p.GREY), (0.8, p.BROWN), (-1.1, p.SILVER))
+    ]
+    fish = join(
+        ellipsoid((34, 86, 46), p.ORANGE, sides=20),
+        put(plate([(0, 0), (-38, 30), (-28, 0), (-38, -30)], (-4, 4), p.ORANGE, 0), 0, -32),
+        put(plate([(-24, 0), (18, 0), (-8, 24)], (-3, 3), p.RED, 0), 0, 0, 18),
+    )
+    eyes = [put(ellipsoid((5, 10, 10), p.WHITE), 13, 24, 6), put(ellipsoid((4, 5, 5), p.BLACK), 15.5, 25, 6)]
+    weed = [
+        tube([(x, y, 50), (x, y + 10, 90), (x, y - 6, 130), (x, y + 6, z)], [6, 8, 6, 2], p.LEAF, 6)
+        for x, y, z in ((-30, 60, 175), (-46, 40, 155), (-40, 76, 140), (-40, -64, 150))
+    ]
+    bubbles = [put(ellipsoid((8, 8, 8), p.WHITE), 10, 62, z) for z in (118, 134, 150)]
+    return join(glass, base, *stones, put(join(fish, *eyes), 16, 0, 106), *weed, *bubbles)
+
+
+def _rubiks_cube() -> Surface:
+    """57 mm wide, its upper layer turned."""
+    faces = ((0, p.RED), (90, p.BLUE), (180, p.ORANGE), (270, p.GREEN))
+    mixed = (p.RED, p.WHITE, p.BLUE, p.YELLOW, p.GREEN, p.ORANGE, p.RED, p.BLUE, p.WHITE)
+    layers = []
+    for k in range(3):
+        core = put(pebble((57, 57, 18.6), p.BLACK, 14), z=19.2 * k)
+        tiles = [
+            put(
+                box(
+                    (28, 29),
+                    (19 * j - 27.2, 19 * j - 10.8),
+                    (19.2 * k + 1.4, 19.2 * k + 17.4),
+                    c if k < 1 else mixed[(i * 2 + 3 * k + 4 * j) % 9],
+                ),
+                yaw=a,
+            )
+            for i, (a, c) in enumerate(faces)
+            for j in range(3)
+        ]
+        layers.append(put(join(core, *tiles), yaw=0 if k < 2 else 24))
+    top = [
+        put(
+            box(
+                (19 * i - 27.2, 19 * i - 10.8),
+                (19 * j - 27.2, 19 * j - 10.8),
+                (56.5, 57.6),
+                mixed[(i + 4 * j + 1) % 9] if (i + j) % 2 else p.WHITE,
+            ),
+            yaw=24,
+        )
+        for i in range(3)
+        for j in range(3)
+    ]
+    return join(*layers, *top)
+
+
 def objects() -> list[ZooObject]:
     """Return the objects of this module."""
     return [
@@ -177,4 +523,16 @@ def objects() -> list[ZooObject]:
         zoo_object("record player", "living room", _record_player()),
         zoo_object("wreath", "living room", _wreath(), "hanging"),
         zoo_object("ukulele", "living room", _ukulele(), "against wall", rare=True),
+        zoo_object("Chinese vase", "living room", _vase()),
+        zoo_object("potted cactus", "living room", _cactus()),
+        zoo_object("candelabra", "living room", _candelabra()),
+        zoo_object("hourglass", "living room", _hourglass()),
+        zoo_object("model sailing boat", "living room", _sailing_boat()),
+        zoo_object("trophy", "living room", _trophy()),
+        zoo_object("bonsai", "living room", _bonsai()),
+        zoo_object("globe", "living room", _globe()),
+        zoo_object("chessboard", "living room", _chess()),
+        zoo_object("snow globe", "living room", _snow_globe()),
+        zoo_object("goldfish bowl", "living room", _fish_bowl()),
+        zoo_object("Rubik's cube", "living room", _rubiks_cube(), rare=True),
     ]

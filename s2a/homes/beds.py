@@ -11,13 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.homes import clutter, decor, objects
-from s2a.homes import decor as cloth
+from s2a.homes import clutter, objects
 from s2a.homes.casework import CabinetBase, Cell, Column, cabinet
 from s2a.homes.clutter import Board
 from s2a.homes.draw import chance, integer, pick, uniform
+from s2a.homes.fronts import Opening, Style
 from s2a.homes.solids import FABRIC, Color, Piece, at, box, join
-from s2a.homes.styles import Opening, Style
 
 
 def bed(rng: np.random.Generator, style: Style, color: Color) -> tuple[list[Piece], float, set[int]]:
@@ -27,9 +26,9 @@ def bed(rng: np.random.Generator, style: Style, color: Color) -> tuple[list[Piec
     if chance(rng, 0.55):
         sides = pick(rng, ((-1,), (1,), (-1, 1)))
         return _box_bed(rng, style, color, (wide, long), sides), wide / 2 + 0.04, {-1, 1} - set(sides)
-    top, count = cloth.BED_TOP, 1 + (wide > 1.3)
+    top, count = objects.BED_TOP, 1 + (wide > 1.3)
     pillows = _pillows(rng, wide, count, top, 0.32)
-    pieces = [cloth.bed(wide, long, color), cloth.duvet(rng, wide, long, _light(rng)), *pillows]
+    pieces = [objects.bed(wide, long, color), objects.duvet(rng, wide, long, _light(rng)), *pillows]
     return pieces, wide / 2 + 0.08, {-1, 1}
 
 
@@ -54,9 +53,9 @@ def _box_bed(
         box((head, head + long), (min(y), max(y)), (0.03, high), *style.paint) for y in spans if abs(y[1] - y[0]) > 0.02
     ]
     board = box((0, head - 0.004), (-half, half), (0, high + uniform(rng, (0.35, 0.7))), color, FABRIC)
-    mattress = cloth.cushion((long - 0.02, wide, 0.2), (232, 230, 226), 24.0, 9.0).moved(at(middle, 0, high + 0.104))
+    mattress = objects.cushion((long - 0.02, wide, 0.2), (232, 230, 226), 24.0, 9.0).moved(at(middle, 0, high + 0.104))
     top = high + 0.206
-    blanket = cloth.cushion((0.62 * long, wide - 0.04, 0.06), _light(rng), 20.0, 9.0)
+    blanket = objects.cushion((0.62 * long, wide - 0.04, 0.06), _light(rng), 20.0, 9.0)
     cover = Piece("blanket", blanket.moved(at(head + 0.66 * long, 0, top + 0.03)))
     return [
         Piece("bed", join(board, *boards, mattress)),
@@ -71,7 +70,7 @@ def _pillows(rng: np.random.Generator, wide: float, count: int, top: float, x: f
     each = wide / count
     size = (0.4, min(0.7, each - 0.08), uniform(rng, (0.1, 0.16)))
     return [
-        cloth.pillow(size, _light(rng)).moved(at(x, (i + 0.5) * each - wide / 2, top + 0.002, uniform(rng, (-3, 3))))
+        objects.pillow(size, _light(rng)).moved(at(x, (i + 0.5) * each - wide / 2, top + 0.002, uniform(rng, (-3, 3))))
         for i in range(count)
     ]
 
@@ -84,7 +83,7 @@ def _light(rng: np.random.Generator) -> Color:
 def sofa(rng: np.random.Generator, color: Color) -> tuple[Piece, float]:
     """Return a sofa with its back at x = 0, and its width [m]."""
     width = uniform(rng, (1.5, 2.3))
-    return cloth.sofa(width, max(2, round((width - 0.36) / 0.75)), color).moved(at(0.9, 0)), width
+    return objects.sofa(width, max(2, round((width - 0.36) / 0.75)), color).moved(at(0.9, 0)), width
 
 
 def dining(rng: np.random.Generator, style: Style) -> list[Piece]:
@@ -130,6 +129,6 @@ def coffee_table(rng: np.random.Generator, style: Style) -> list[Piece]:
             base,
         )
         return [piece.moved(at(-deep / 2, 0))]
-    body = decor.coffee_table(wide, deep)
+    body = objects.coffee_table(wide, deep)
     board = Board((0.03 - deep / 2, deep / 2 - 0.03), (0.03 - wide / 2, wide / 2 - 0.03), 0.42, 0.4)
     return [replace(body, contents=clutter.fill(rng, board, "bedroom", integer(rng, 1, 4)))]

@@ -20,9 +20,8 @@ from s2a.homes import clutter, fronts, grips
 from s2a.homes.casework import CabinetBase, Cell, Column, cabinet, column, door_grips
 from s2a.homes.clutter import Board
 from s2a.homes.draw import chance, integer, pick, uniform
-from s2a.homes.fronts import lid, open_box
+from s2a.homes.fronts import Opening, Style, lid, open_box
 from s2a.homes.solids import FABRIC, Color, Piece, at, box, join, lathe
-from s2a.homes.styles import Opening, Style
 from s2a.scene.scene import Joint
 
 CAP = (0.016, 0.03)

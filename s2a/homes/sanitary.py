@@ -14,12 +14,11 @@ import numpy as np
 from s2a.homes import fronts, grips
 from s2a.homes.casework import CabinetBase, Cell, Column, cabinet
 from s2a.homes.draw import chance, integer, pick, uniform
-from s2a.homes.families.kitchen import STEEL, WHITE
-from s2a.homes.fronts import LEFT, RIGHT, cabinet_body, hinged, lid
+from s2a.homes.fronts import LEFT, RIGHT, Opening, Style, cabinet_body, hinged, lid
 from s2a.homes.grips import QUARTER, cup, edge
 from s2a.homes.household import CHROME, basin, counter, faucet
+from s2a.homes.kitchen import STEEL, WHITE
 from s2a.homes.solids import Color, Piece, Surface, at, box, cylinder, join, lathe, painted, rotation
-from s2a.homes.styles import Opening, Style
 from s2a.scene.scene import Joint
 
 CERAMIC: Color = (240, 240, 238)

@@ -17,8 +17,8 @@ from s2a.homes.casework import CabinetBase, Cell, Column, cabinet, column
 from s2a.homes.clutter import Board
 from s2a.homes.draw import chance, integer, pick, uniform
 from s2a.homes.floor_plan import CLEAR, measured, meet
+from s2a.homes.fronts import Opening, Style
 from s2a.homes.solids import Color, Piece, at, box, join
-from s2a.homes.styles import Opening, Style
 
 SHEET: tuple[Color, ...] = (
     (196, 198, 202),

@@ -17,9 +17,9 @@ import numpy as np
 from s2a.homes import grips, household
 from s2a.homes.casework import CabinetBase, Cell, Column, cabinet
 from s2a.homes.draw import chance, integer, pick, uniform
+from s2a.homes.fronts import Opening, Style
 from s2a.homes.household import basin, counter, faucet
 from s2a.homes.solids import WOOD, Color, Piece, at, box, cylinder, join
-from s2a.homes.styles import Opening, Style
 
 
 @dataclass(frozen=True)

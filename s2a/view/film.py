@@ -18,11 +18,10 @@ from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.sim.camera import first_free, places_around
+from s2a.view import states
 from s2a.view.page.glb import thinned
-from s2a.view.page.read import of_sim_room
-from s2a.view.page.room import Coordinates, PageRoom, Played, PlayedWorld, unit
-from s2a.view.playback import states
-from s2a.view.playback.states import States
+from s2a.view.page.room import Coordinates, PageRoom, Played, PlayedWorld, of_sim_room, unit
+from s2a.view.states import States
 
 CAMERA = OrbitCamera(560, 352, 1, 0.8, 1.1, 0.45, 1.0, True)
 """As of `s2a evaluate images=`; walls that stand between are seen through from behind."""

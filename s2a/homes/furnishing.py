@@ -8,15 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.homes import styles
-from s2a.homes.catalog import cad, catalog, moves
+from s2a.homes import room_kinds
 from s2a.homes.draw import Range, integer
+from s2a.homes.fittings import doors, lamps, sockets, windows
 from s2a.homes.floor_plan import Crowded, FloorPlan
-from s2a.homes.furnishing import kitchens, rooms
-from s2a.homes.furnishing.common import doors, lamps, sockets, windows
-from s2a.homes.room import Outline, Room, outline, paints, structure
+from s2a.homes.fronts import Palette, random_palette
+from s2a.homes.room import Outline, Room, cad, catalog, moves, outline, paints, structure
 from s2a.homes.solids import Piece
-from s2a.homes.styles import Palette
 from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 
 FREE = 0.3
@@ -54,16 +52,16 @@ class Kind:
 
 
 HOMES: Mapping[str, Kind] = {
-    "office": Kind((10, 18), 0.6, (1, 1), (1, 2), rooms.office),
-    "bedroom": Kind((10, 17), 0.5, (1, 1), (1, 2), rooms.bedroom),
-    "kitchen": Kind((10, 18), 0.6, (1, 1), (1, 1), kitchens.kitchen),
-    "bathroom": Kind((5.5, 10), 0.75, (1, 1), (0, 1), rooms.bathroom),
-    "living_room": Kind((14, 25), 0.4, (1, 2), (1, 2), rooms.living_room),
-    "dining_room": Kind((11, 18), 0.5, (1, 2), (1, 2), rooms.dining_room),
-    "hallway": Kind((5.5, 12), 0.4, (2, 3), (0, 1), rooms.hallway),
-    "laundry": Kind((5, 9), 0.8, (1, 1), (0, 1), rooms.laundry),
-    "study": Kind((8.5, 14), 0.5, (1, 1), (1, 2), rooms.study),
-    "workshop": Kind((11, 20), 0.7, (1, 1), (0, 1), rooms.workshop),
+    "office": Kind((10, 18), 0.6, (1, 1), (1, 2), room_kinds.office),
+    "bedroom": Kind((10, 17), 0.5, (1, 1), (1, 2), room_kinds.bedroom),
+    "kitchen": Kind((10, 18), 0.6, (1, 1), (1, 1), room_kinds.kitchen),
+    "bathroom": Kind((5.5, 10), 0.75, (1, 1), (0, 1), room_kinds.bathroom),
+    "living_room": Kind((14, 25), 0.4, (1, 2), (1, 2), room_kinds.living_room),
+    "dining_room": Kind((11, 18), 0.5, (1, 2), (1, 2), room_kinds.dining_room),
+    "hallway": Kind((5.5, 12), 0.4, (2, 3), (0, 1), room_kinds.hallway),
+    "laundry": Kind((5, 9), 0.8, (1, 1), (0, 1), room_kinds.laundry),
+    "study": Kind((8.5, 14), 0.5, (1, 1), (1, 2), room_kinds.study),
+    "workshop": Kind((11, 20), 0.7, (1, 1), (0, 1), room_kinds.workshop),
 }
 """Kinds of rooms; floor areas as in flats and offices (DIN 283, ASR A1.2)."""
 
@@ -101,7 +99,7 @@ def furnish(name: str, rng: np.random.Generator) -> Room:
 
 def _furnished(plan: FloorPlan, kind: Kind) -> Room:
     """Return a room of one attempt; raises Crowded."""
-    rng, colors = plan.rng, styles.palette(plan.rng)
+    rng, colors = plan.rng, random_palette(plan.rng)
     holes = doors(plan, colors, integer(rng, *kind.doors))
     windows(plan, colors, holes, integer(rng, *kind.windows))
     kind.furnish(plan, colors)

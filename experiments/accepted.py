@@ -30,7 +30,8 @@ from s2a.annotate.region import GrowConfig
 from s2a.commands import cli
 from s2a.core import config
 from s2a.core.provenance import provenance
-from s2a.scan import articulate3d_files, folder
+from s2a.scan import folder
+from s2a.scan.formats import articulate3d
 from s2a.scan.labels import parents
 
 EPISODES, STEPS = 2, 1500
@@ -112,7 +113,7 @@ def _off(draft: Draft, index: int, place: np.ndarray) -> float:
 
 def handle_places(path: Path, sample: files.BareScan, truth: dict) -> dict[str, np.ndarray]:
     """Return the middle of the handle of each part that has one [m]."""
-    annotated = articulate3d_files.read_parts(folder.find(path).parts, sample.mesh)
+    annotated = articulate3d.read_parts(folder.find(path).parts, sample.mesh)
     parent = parents({number: part.label for number, part in annotated.items()})
     ids = {int(name.rpartition("_")[2]): name for name in truth["parts"]}
     return {

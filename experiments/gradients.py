@@ -25,12 +25,10 @@ from recorded_pulls import record
 
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.joints.dynamics import LOWER, UPPER
-from s2a.joints.identify import STARTS, parameters, slopes, variables
-from s2a.joints.joint_worlds import JointWorlds
+from s2a.joints.dynamics import LOWER, UPPER, JointWorlds
+from s2a.joints.identify import STARTS, minimize_together, parameters, slopes, variables
 from s2a.joints.pull import Pull
 from s2a.joints.pulled import Moving
-from s2a.joints.together import minimize_together
 
 RESULTS = Path(__file__).parent / "results/gradients.json"
 SOLVED = 0.5

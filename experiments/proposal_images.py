@@ -26,7 +26,8 @@ from s2a.annotate.propose.network import MOTIONS, image
 from s2a.annotate.surface import SplitSurface
 from s2a.core import config
 from s2a.core.outputs import atomic_write
-from s2a.scan import articulate3d_files, folder
+from s2a.scan import folder
+from s2a.scan.formats import articulate3d
 from s2a.scene.scene import Joint
 
 ON_PLANE, HARDLY = 0.5, 0.15
@@ -102,7 +103,7 @@ def planes(path: Path) -> Planes:
     bare = files.read(path)
     surface, source = as_used(path, bare)
     truth = json.loads((path / "truth" / "truth.json").read_text())
-    annotated = articulate3d_files.read_parts(folder.find(path).parts, bare.mesh)
+    annotated = articulate3d.read_parts(folder.find(path).parts, bare.mesh)
     fronts: list[tuple[Joint, Points, Points]] = []
     for name, faces, joint in true_parts(path, bare, truth, surface, source):
         number = int(name.rpartition("_")[2])

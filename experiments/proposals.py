@@ -24,7 +24,8 @@ from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.core import config
 from s2a.core.provenance import provenance
-from s2a.scan import articulate3d_files, folder, imported
+from s2a.scan import folder, imported
+from s2a.scan.formats import articulate3d
 from s2a.scan.labels import parents
 from s2a.scene.scene import Joint
 
@@ -68,7 +69,7 @@ def true_parts(
     path: Path, bare: files.BareScan, truth: dict, surface: SplitSurface, source: np.ndarray
 ) -> list[tuple[str, np.ndarray, Joint]]:
     """Return id, faces (with all that moves along) and true joint of each moving part that the scan shows."""
-    annotated = articulate3d_files.read_parts(folder.find(path).parts, bare.mesh)
+    annotated = articulate3d.read_parts(folder.find(path).parts, bare.mesh)
     parent = parents({number: part.label for number, part in annotated.items()})
     found = []
     for name, facts in truth["parts"].items():

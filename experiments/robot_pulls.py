@@ -12,7 +12,7 @@ from recorded_pulls import Truth
 from s2a import robot
 from s2a.commands import cli
 from s2a.core.errors import InputError
-from s2a.joints import robot_pull
+from s2a.joints import pull
 from s2a.joints.commands.identify import write_layer
 from s2a.joints.dynamics import PARAMETERS, Dynamics
 from s2a.joints.pull import Pull
@@ -38,14 +38,14 @@ def record(stage: Path, part: str, body: Moving, truth: Truth, seed: int) -> lis
             keys = [f"stage={layer}", f"part={part}", "num_envs=1", "device=cpu", f"planner.pull_time={seconds}"]
             if cli.main(["evaluate", *keys, f"recordings={folder}", f"out={folder}/metrics.json"]):
                 return []
-            found = robot_pull.read(Path(folder) / "pull_0.csv", spec)
-            noisy = robot_pull.Recording(
+            found = pull.read_recordings(Path(folder) / "pull_0.csv", spec)
+            noisy = pull.Recording(
                 found.q + rng.normal(0.0, POSITION_NOISE, found.q.shape),
                 found.torque + rng.normal(0.0, TORQUE_NOISE, found.torque.shape),
                 found.step,
             )
             try:
-                pulls.append(robot_pull.pull(noisy, spec, base, body, gravity=False))
+                pulls.append(pull.recorded_pull(noisy, spec, base, body, gravity=False))
             except InputError:  # the grip slipped off
                 return []
     return pulls

@@ -23,7 +23,8 @@ import numpy as np
 from s2a import scan
 from s2a.core import config
 from s2a.core.provenance import provenance
-from s2a.scan.evidence import annotation, room
+from s2a.scan.evidence import annotation
+from s2a.scan.evidence import annotation as room
 from s2a.scan.evidence.finding import Bounds, Finding
 from s2a.scan.evidence.front import Front, front
 from s2a.scan.evidence.surface import ScanSurface
@@ -108,7 +109,7 @@ def case(path: Path, bounds: Bounds) -> Case:
     surface = ScanSurface(scan.read(path))
     fronts = {part: front(surface, part) for part in surface.scene.movable}
     right = {part: list(annotation.moving_part(surface, part, found, bounds)) for part, found in fronts.items()}
-    return Case(path.name, surface, fronts, right | {"": room.findings(surface, fronts, bounds)})
+    return Case(path.name, surface, fronts, right | {"": room.room_findings(surface, fronts, bounds)})
 
 
 def flagged(findings: list[Finding]) -> set[str]:
@@ -168,7 +169,7 @@ def checked(wrong: Wrong, bounds: Bounds) -> dict[str, Any]:
         findings = list(annotation.moving_part(case.surface.with_scene(wrong.scene), part, case.fronts[part], bounds))
     else:
         surface = ScanSurface(wrong.scene)
-        findings = room.findings(surface, {p: front(surface, p) for p in wrong.scene.movable[:8]}, bounds)
+        findings = room.room_findings(surface, {p: front(surface, p) for p in wrong.scene.movable[:8]}, bounds)
     return row(wrong, flagged(findings) - flagged(case.right[part]))
 
 

@@ -21,9 +21,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from s2a import scan as scans
 from s2a.core import config, errors
-from s2a.scan import export as scene_files
-from s2a.scan.export import Export
+from s2a.scan import Export
 from s2a.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def load_scene(path: File) -> Scene:
     Raises:
         InputError: neither, or a damaged one.
     """
-    return scene_files.load_scene(Path(path))
+    return scans.load_scene(Path(path))
 
 
 def export(scan: File, out: File) -> Export:
@@ -56,7 +56,7 @@ def export(scan: File, out: File) -> Export:
     Raises:
         InputError: the folder holds no scan, or a damaged one; nothing is written.
     """
-    return scene_files.export(Path(scan), Path(out))
+    return scans.export(Path(scan), Path(out))
 
 
 def insert(

@@ -11,11 +11,11 @@ from s2a.annotate.handle import Shape
 from s2a.annotate.region import FrontRegion, GrowConfig, cut_out
 from s2a.annotate.surface import SplitSurface
 from s2a.scan import labels
-from s2a.scan.articulate3d_files import TYPES
 from s2a.scan.evidence import annotation as evidence
 from s2a.scan.evidence.finding import Bounds, Finding
 from s2a.scan.evidence.front import front
 from s2a.scan.evidence.surface import ScanSurface
+from s2a.scan.formats.articulate3d import TYPES
 from s2a.scan.predictions import USUAL_LABEL
 from s2a.scan.rest import UNANNOTATED
 from s2a.scene.scene import Joint, Part, Scene

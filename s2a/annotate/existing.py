@@ -15,8 +15,9 @@ from s2a.annotate.annotation import NO_FACES, Draft, Item
 from s2a.annotate.region import FrontRegion
 from s2a.annotate.surface import ADDED, SplitSurface
 from s2a.core.errors import InputError
-from s2a.scan import articulate3d_files, fields, folder, labels
+from s2a.scan import fields, folder, labels
 from s2a.scan.folder import ScanFiles
+from s2a.scan.formats import articulate3d
 from s2a.scan.imported import SOURCE_FACES
 from s2a.scan.ply import ScanMesh
 from s2a.scene.scene import Joint
@@ -88,11 +89,11 @@ def read(path: Path, mesh: ScanMesh, surface: SplitSurface) -> Existing:
     if not folder.is_articulate3d(path):
         raise InputError(f"{path}: holds no <scene>_parts.json to edit; leave edit=true out to annotate from the start")
     files = folder.find(path)
-    annotated = articulate3d_files.read_parts(files.parts, mesh)
+    annotated = articulate3d.read_parts(files.parts, mesh)
     names = {number: part.label for number, part in annotated.items()}
     parent_of = labels.parents(names)
-    joints = articulate3d_files.read_joints(files.articulations, names, mesh.origin)
-    owner = articulate3d_files.owners(annotated, labels.depths(parent_of), len(mesh.faces))
+    joints = articulate3d.read_joints(files.articulations, names, mesh.origin)
+    owner = articulate3d.owners(annotated, labels.depths(parent_of), len(mesh.faces))
     own = {number: np.flatnonzero(owner == i) for i, number in enumerate(annotated)}
     carried = {number: _carried(number, parent_of, joints) for number in joints}
     grasped = labels.grasped(set(joints), parent_of)
@@ -220,7 +221,7 @@ class _Writer:
 
     def _joint(self, joint: Joint) -> Document:
         return {
-            "type": articulate3d_files.TYPES[joint.kind],
+            "type": articulate3d.TYPES[joint.kind],
             "axis": list(joint.axis),
             "origin": (np.array(joint.origin) + self._origin).tolist(),
             "rangeMin": joint.limits[0],

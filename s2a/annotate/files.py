@@ -13,8 +13,9 @@ import numpy as np
 from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.existing import Existing
 from s2a.annotate.surface import ADDED, SplitSurface, connected
-from s2a.scan import articulate3d_files, folder, ply, predictions
+from s2a.scan import folder, ply, predictions
 from s2a.scan.folder import BareFiles
+from s2a.scan.formats import articulate3d
 from s2a.scan.imported import SOURCE_FACES
 from s2a.scan.ply import ScanMesh
 from s2a.scan.ply_file import write_ply
@@ -218,7 +219,7 @@ def _prediction(item: Item, origin: np.ndarray) -> Prediction:
     """Return a part with a joint as what `predicted.write` takes, in the coordinates of the written mesh."""
     joint = item.joint
     assert joint is not None
-    kind = articulate3d_files.TYPES[joint.kind]
+    kind = articulate3d.TYPES[joint.kind]
     place = np.array(joint.origin) + origin
     return Prediction(
         item.name, kind, np.array(joint.axis), place, joint.limits, item.score, item.region.faces, item.handle

@@ -16,10 +16,9 @@ from s2a import robot
 from s2a.certify.check import Check, Status, check_bound, decide
 from s2a.core.bounds import Fraction, Positive
 from s2a.robot.spec import RobotSpec
-from s2a.scan.evidence.annotation import moving_part
+from s2a.scan.evidence.annotation import moving_part, room_findings
 from s2a.scan.evidence.finding import Bounds, Finding
 from s2a.scan.evidence.front import Front, front
-from s2a.scan.evidence.room import findings as room_findings
 from s2a.scan.evidence.surface import FloorConfig, ScanSurface, floor_fraction
 from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals, sample, sample_with_faces
 from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh

@@ -9,10 +9,10 @@ from pathlib import Path
 from s2a.core.errors import CheckFailed
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.scan.articulate3d_files import read_overlaps
+from s2a.scan import load_scene
 from s2a.scan.evidence import annotation, finding
 from s2a.scan.evidence.finding import Bounds
-from s2a.scan.export import load_scene
+from s2a.scan.formats.articulate3d import read_overlaps
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from s2a.core import errors
 from s2a.core.errors import InputError
-from s2a.scan.articulate3d_files import read_overlaps
+from s2a.scan import export
 from s2a.scan.evidence.finding import Bounds
-from s2a.scan.export import export
+from s2a.scan.formats.articulate3d import read_overlaps
 from s2a.scene.scene import Scene
 
 _log = logging.getLogger(__name__)

@@ -2,21 +2,87 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import queue
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag, toeplitz
 from scipy.ndimage import binary_erosion, gaussian_filter1d
-from scipy.optimize import lsq_linear
+from scipy.optimize import lsq_linear, minimize
 
 from s2a.core.errors import InputError
-from s2a.joints.dynamics import LOWER, PARAMETERS, TYPICAL, UPPER, Dynamics
-from s2a.joints.joint_worlds import JointWorlds
+from s2a.joints.dynamics import LOWER, PARAMETERS, TYPICAL, UPPER, Dynamics, JointWorlds
 from s2a.joints.pull import Noise, Pull, same_step
 from s2a.joints.pulled import Moving
-from s2a.joints.together import Evaluate, minimize_together
 from s2a.sim.resistance import EDGE
+
+Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Points [problem variable] -> values [problem] and gradients [problem variable]."""
+
+
+@dataclass(frozen=True)
+class Minima:
+    """What was found.
+
+    Attributes:
+        points: shape [problem variable].
+        values: shape [problem].
+        rounds: how often all problems were evaluated.
+    """
+
+    points: np.ndarray
+    values: np.ndarray
+    rounds: int
+
+
+def minimize_together(
+    evaluate: Evaluate, starts: np.ndarray, lower: np.ndarray, upper: np.ndarray, rounds: int, chosen: np.ndarray
+) -> Minima:
+    """Minimise each problem by SciPy's L-BFGS-B, a thread each, which wait for each other at every evaluation.
+
+    Args:
+        evaluate: of all problems at once; a problem that has ended is evaluated where it ended.
+        starts: shape [problem variable].
+        lower: bounds, shape [variable] or [problem variable].
+        upper: likewise.
+        rounds: at most, about.
+        chosen: which problems to minimise, shape [problem]; the others stay at their starts, of infinite value.
+    """
+    points = starts.copy()
+    low, high = (np.broadcast_to(bound, starts.shape) for bound in (lower, upper))
+    asked: queue.Queue[int] = queue.Queue()
+    answers: list[queue.Queue[tuple[float, np.ndarray]]] = [queue.Queue() for _ in starts]
+    values = np.full(len(starts), np.inf)
+
+    def solve(i: int) -> None:
+        def ask(x: np.ndarray) -> tuple[float, np.ndarray]:
+            points[i] = x
+            asked.put(i)
+            return answers[i].get()
+
+        try:
+            limits = list(zip(low[i], high[i], strict=True))
+            found = minimize(ask, starts[i], jac=True, method="L-BFGS-B", bounds=limits, options={"maxfun": rounds})
+            points[i], values[i] = found.x, found.fun
+        finally:
+            asked.put(~i)
+
+    running, done = set(np.flatnonzero(chosen).tolist()), 0
+    threads = [threading.Thread(target=solve, args=(i,), daemon=True) for i in running]
+    for thread in threads:
+        thread.start()
+    while running:
+        waiting = [asked.get() for _ in running]
+        running -= {~i for i in waiting if i < 0}
+        if running:
+            found, gradients = evaluate(points)
+            done += 1
+            for i in running:
+                answers[i].put((float(found[i]), gradients[i]))
+    return Minima(points, values, done)
+
 
 SMOOTHED = 0.05
 """[s] Standard deviation of the Gaussian that smooths motion and force alike, which leaves their relation as it is."""

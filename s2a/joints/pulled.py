@@ -119,7 +119,7 @@ class Pulled:
 
     Attributes:
         body: with the stage's mass.
-        dynamics: what resists at its grasp point, as joint_kernels.PARAMETERS name it.
+        dynamics: what resists at its grasp point, as dynamics.PARAMETERS name it.
         arm: the arm along the part's path.
         offset: how much farther than predicted an earlier pull of the part ended [m]: a grip off the handle's middle bends the
             arm.

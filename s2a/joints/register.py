@@ -1,8 +1,8 @@
 """Two scans of a room, one with parts opened -> the faces that moved and the joint of each part.
 
-The rooms are aligned by what stands still (`register_rooms`). Flat patches of what changed (`register_change`) give joints that
-could be (`register_start`); those that open outwards, are held by what stands still and explain most surface of both scans are
-kept (`register_search`, `register_check`) and fitted by least squares (`register_fit`).
+The rooms are aligned by what stands still, and flat patches of what changed are found (`register_surface`). They give joints that
+could be, which are fitted by least squares (`register_fit`); those that open outwards, are held by what stands still and explain
+most surface of both scans are kept (`register_search`).
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ import numpy as np
 from scipy import ndimage
 
 from s2a.core.errors import InputError
-from s2a.joints.register_check import near_box
 from s2a.joints.register_fit import starts
-from s2a.joints.register_search import ROOM, FittedPart, Scans, candidates, chosen, grown
+from s2a.joints.register_search import ROOM, FittedPart, Scans, candidates, chosen, grown, near_box
 from s2a.joints.register_surface import (
     CHANGED,
     REACH,

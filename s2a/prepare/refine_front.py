@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.scan.evidence.front import FLAT, Front, panel
-from s2a.scan.evidence.surface import ScanSurface
-from s2a.scan.evidence.sweep import moved_parts
+from s2a.scan.evidence.surface import ScanSurface, moved_parts
 from s2a.scene.geometry.mesh_ops import centroids, normals, sample_with_faces
 from s2a.scene.scene import Mesh
 

@@ -14,8 +14,7 @@ from urllib.parse import unquote_to_bytes
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan.images import beside, decode
-from s2a.scan.source import CLAMP, MIRROR, PLAIN, REPEAT, Material
+from s2a.scan.source import CLAMP, MIRROR, PLAIN, REPEAT, Material, beside, decode
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4", 5130: "f8"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}

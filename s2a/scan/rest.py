@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan import fields, labels, ply
+from s2a.scan import fields, labels
 from s2a.scan.fields import Record
-from s2a.scan.folder import BareFiles
 from s2a.scan.ply import ScanMesh
-from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.scene import Mesh, Part
 
 
 def cut(surface: ScanMesh, owner: np.ndarray, count: int) -> list[Mesh]:
@@ -128,23 +127,6 @@ _log = logging.getLogger(__name__)
 UNANNOTATED = "unannotated"  # label of the part that takes the faces nobody annotated
 REMOVED = -2
 """Owner of faces that annotators marked as artefacts of the reconstruction; no part gets them."""
-
-
-def read(files: BareFiles) -> Scene:
-    """Read a scan whose motions nobody annotated.
-
-    With segments the scene holds their objects, numbered from 1 in the order of their file, and last, where faces are left
-    over, one part "unannotated". A mesh alone becomes that one part, and a warning is logged.
-
-    Raises:
-        InputError: a damaged file.
-    """
-    surface = ply.read(files.mesh)
-    owner = np.full(len(surface.faces), -1, dtype=np.int32)
-    names = claim(surface, owner, 0, files.segments)
-    if names == [UNANNOTATED]:
-        _log.warning("%s: nothing is annotated; the whole room is one static part %r", files.mesh, UNANNOTATED)
-    return Scene(files.name, parts(names, 1, cut(surface, owner, len(names))), tuple(surface.origin.tolist()))
 
 
 def claim(surface: ScanMesh, owner: np.ndarray, count: int, files: tuple[Path, Path] | None) -> list[str]:

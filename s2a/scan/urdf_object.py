@@ -276,7 +276,7 @@ def read(path: Path, surface: ScanMesh, box: ObjectBox) -> list[Prediction]:
         box: that the object fills; its extents are stretched to those of the box.
 
     Raises:
-        InputError: as of `urdf_links.read`, or an object without volume.
+        InputError: as of `read_links`, or an object without volume.
     """
     found, triangles, linear, offset = _placed(path, box)
     near = _nearest(triangles, surface, box)

@@ -12,8 +12,7 @@ import numpy as np
 from pxr import Ar, Usd, UsdShade
 
 from s2a.core.color_space import to_bytes, to_linear
-from s2a.scan.images import beside, decode
-from s2a.scan.source import CLAMP, MIRROR, PLAIN, REPEAT, Material
+from s2a.scan.source import CLAMP, MIRROR, PLAIN, REPEAT, Material, beside, decode
 
 _log = logging.getLogger(__name__)
 

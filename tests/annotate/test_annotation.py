@@ -17,9 +17,9 @@ from s2a.annotate.page import shown
 from s2a.annotate.region import GrowConfig, around, grow, grow_most
 from s2a.annotate.surface import ADDED, SplitSurface
 from s2a.core import config
-from s2a.scan.articulate3d_files import read_overlaps
 from s2a.scan.evidence import annotation as evidence
 from s2a.scan.evidence.finding import Bounds
+from s2a.scan.formats.articulate3d import read_overlaps
 from s2a.scene.geometry.mesh_ops import merge
 
 GROW = config.load(GrowConfig, config.file("annotate")["grow"])

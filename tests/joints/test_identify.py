@@ -17,10 +17,9 @@ from s2a.commands import cli
 from s2a.core.errors import InputError
 from s2a.joints.commands.identify import write_layer
 from s2a.joints.dynamics import PARAMETERS, Dynamics
-from s2a.joints.identify import identify
+from s2a.joints.identify import identify, minimize_together
 from s2a.joints.pull import Noise, Pull, read
 from s2a.joints.pulled import moving
-from s2a.joints.together import minimize_together
 from s2a.scene.scene import Joint
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.joints import Resistance, SoftClose

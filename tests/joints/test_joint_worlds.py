@@ -10,7 +10,7 @@ import pytest
 from pulled_bodies import DOOR, DRAWER, LID
 from recorded_pulls import Truth, record
 
-from s2a.joints.joint_worlds import RATE, JointWorlds, kalman
+from s2a.joints.dynamics import RATE, JointWorlds, kalman
 from s2a.joints.pull import Noise, Pull
 from s2a.joints.pulled import Moving
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from box_room import joined, sheet
 
-from s2a.joints.register_check import MIN_GONE, MIN_INSIDE, gone, left, on_floor, shows_inside
 from s2a.joints.register_fit import MIN_FRACTION, starts
+from s2a.joints.register_search import MIN_GONE, MIN_INSIDE, gone, left, on_floor, shows_inside
 from s2a.joints.register_surface import OrientedMesh, Patch, changed, patches
 from s2a.scene.articulation import transform
 from s2a.scene.scene import Joint, Mesh

@@ -8,7 +8,7 @@ from pulled_bodies import DOOR, DRAWER
 
 from s2a import robot
 from s2a.core.errors import InputError
-from s2a.joints.robot_pull import ArmDynamics, Recording, along, pull
+from s2a.joints.pull import ArmDynamics, Recording, along, recorded_pull
 from s2a.robot.kinematics import kinematics
 
 PANDA = robot.load("panda")
@@ -33,4 +33,4 @@ def test_openings_count_along_the_parts_path(body: object) -> None:
 def test_a_tool_that_is_nowhere_near_the_part_is_refused() -> None:
     still = Recording(np.tile([*PANDA.home, 0.02, 0.02], (60, 1)), np.zeros((60, 7)), 1 / 60)
     with pytest.raises(InputError, match="record a pull that holds the part"):
-        pull(still, PANDA, np.array([5.0, 5.0, 0.0, 0.0, 0.0, 0.0, 1.0]), DRAWER, gravity=False)
+        recorded_pull(still, PANDA, np.array([5.0, 5.0, 0.0, 0.0, 0.0, 0.0, 1.0]), DRAWER, gravity=False)

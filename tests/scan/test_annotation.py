@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from box_room import bar, bounds, changed, door, joined, moved, room, sheet
 
-from s2a.scan.articulate3d_files import Overlap
 from s2a.scan.evidence import annotation, contact
 from s2a.scan.evidence import joint as hinge
 from s2a.scan.evidence import joint as opening
 from s2a.scan.evidence.finding import Finding
 from s2a.scan.evidence.front import front
 from s2a.scan.evidence.joint import depth_behind
-from s2a.scan.evidence.surface import ScanSurface
-from s2a.scan.evidence.sweep import sweep
+from s2a.scan.evidence.surface import ScanSurface, sweep
+from s2a.scan.formats.articulate3d import Overlap
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 BOUNDS = bounds()

@@ -1,4 +1,4 @@
-"""The law of `s2a.joints.joint_worlds` once more, in double precision and without a solver, to measure gradients against."""
+"""The law of `s2a.joints.dynamics` once more, in double precision and without a solver, to measure gradients against."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2a.joints.joint_worlds import kalman
+from s2a.joints.dynamics import kalman
 from s2a.joints.pull import Noise, Pull
 from s2a.joints.pulled import Moving
 

@@ -12,7 +12,7 @@ from s2a.core.bounds import Positive
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.joints import dynamics, robot_pull
+from s2a.joints import dynamics, pull
 from s2a.joints.dynamics import PARAMETERS, Dynamics
 from s2a.joints.identify import fit, identify
 from s2a.joints.pull import Noise, header, read
@@ -111,8 +111,8 @@ def _identified(config: Config, body: Moving, part: str) -> Dynamics:
         )
     robot.check_unchanged(spec)
     base = read_stage(config.stage, part, robot=spec.name).base
-    recordings = [each for path in config.pulls for each in robot_pull.read(path, spec, config.episodes)]
-    pulls = [robot_pull.pull(each, spec, base, body, config.torques_carry_weight) for each in recordings]
+    recordings = [each for path in config.pulls for each in pull.read_recordings(path, spec, config.episodes)]
+    pulls = [pull.recorded_pull(each, spec, base, body, config.torques_carry_weight) for each in recordings]
     return fit(body, pulls, config.noise.force)
 
 

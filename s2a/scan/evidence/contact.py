@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import QhullError
 
-from s2a.scan.articulate3d_files import Overlap
 from s2a.scan.evidence.finding import Bounds, Finding, bounded_above, bounded_below, unknown
 from s2a.scan.evidence.front import Front
 from s2a.scan.evidence.surface import ScanSurface
+from s2a.scan.formats.articulate3d import Overlap
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scene.geometry.planes import min_area_rectangle

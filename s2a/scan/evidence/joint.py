@@ -8,8 +8,7 @@ import numpy as np
 
 from s2a.scan.evidence.finding import Bounds, Finding, bounded_above, bounded_below, unknown
 from s2a.scan.evidence.front import Front
-from s2a.scan.evidence.surface import REACH, ScanSurface
-from s2a.scan.evidence.sweep import moved_parts
+from s2a.scan.evidence.surface import REACH, ScanSurface, moved_parts
 from s2a.scene.articulation import open_limit, opening_direction
 from s2a.scene.scene import Joint
 

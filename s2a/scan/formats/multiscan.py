@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan import articulate3d_files, fields, labels, ply, rest
+from s2a.scan import fields, labels, ply, rest
 from s2a.scan.fields import Record
+from s2a.scan.formats import articulate3d
 from s2a.scan.ply import ScanMesh
 from s2a.scan.rest import cut
 from s2a.scene.scene import Mesh, Part, Scene
@@ -236,7 +237,7 @@ def recognise(path: Path) -> bool:
 def read(path: Path) -> Scene:
     """Read the annotated scan in a folder: `<scene>.annotations.json` and `<scene>.ply` (older: `.semseg.json` too).
 
-    The scene holds every object followed by its parts, with numbers as in `multiscan_objects.Annotation`; last, where
+    The scene holds every object followed by its parts, with numbers as in `Annotation`; last, where
     faces are left over, one part "unannotated".
 
     Raises:
@@ -342,7 +343,7 @@ def _parts(
             label=name_of[number],
             mesh=mesh_of[number],
             parent=None if parent is None else id_of[parent],
-            motion="fixed" if record is None else articulate3d_files.joint(record, 1.0, origin),
+            motion="fixed" if record is None else articulate3d.joint(record, 1.0, origin),
             graspable=record is not None,
         )
     return found

@@ -16,9 +16,8 @@ import numpy as np
 
 from s2a.core.color_space import to_linear
 from s2a.core.errors import InputError
-from s2a.scan.images import beside, read_image
 from s2a.scan.polygons import triangulate
-from s2a.scan.source import CLAMP, PLAIN, REPEAT, Material, SourceMesh, Stated
+from s2a.scan.source import CLAMP, PLAIN, REPEAT, Material, SourceMesh, Stated, beside, read_image
 
 _log = logging.getLogger(__name__)
 

@@ -29,7 +29,7 @@ from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.prepare.room import PrepareConfig, prepare
-from s2a.scan.evidence.finding import Bounds
+from s2a.scan.evidence import Bounds
 from s2a.scene.scene import Scene
 from s2a.scene.usd import sim_stage
 

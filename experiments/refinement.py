@@ -28,8 +28,8 @@ from s2a.core import config
 from s2a.core.provenance import provenance
 from s2a.prepare.refine import refine, with_joints
 from s2a.prepare.refine_loss import RefineConfig
+from s2a.scan.evidence import Bounds
 from s2a.scan.evidence.annotation import moving_part
-from s2a.scan.evidence.finding import Bounds
 from s2a.scan.evidence.front import front
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.scene import Joint, Scene
@@ -109,7 +109,7 @@ def checks(*scenes: Scene) -> list[dict[str, list[str]]]:
     for scene in scenes:
         seen = surface.with_scene(scene)
         findings = {part: moving_part(seen, part, one, _bounds()) for part, one in fronts.items()}
-        found.append({i: [f.check for f in some if f.verdict in ("warn", "fail")] for i, some in findings.items()})
+        found.append({i: [f.name for f in some if f.status in ("warn", "fail")] for i, some in findings.items()})
     return found
 
 

@@ -22,10 +22,10 @@ import numpy as np
 
 from s2a import scan
 from s2a.core import config
+from s2a.core.check import Check
 from s2a.core.provenance import provenance
-from s2a.scan.evidence import annotation
+from s2a.scan.evidence import Bounds, annotation
 from s2a.scan.evidence import annotation as room
-from s2a.scan.evidence.finding import Bounds, Finding
 from s2a.scan.evidence.front import Front, front
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.articulation import opening_direction
@@ -59,7 +59,7 @@ class Case:
     name: str
     surface: ScanSurface
     fronts: Mapping[str, Front | None]
-    right: Mapping[str, list[Finding]]
+    right: Mapping[str, list[Check]]
 
 
 @dataclass(frozen=True)
@@ -109,12 +109,12 @@ def case(path: Path, bounds: Bounds) -> Case:
     surface = ScanSurface(scan.read(path))
     fronts = {part: front(surface, part) for part in surface.scene.movable}
     right = {part: list(annotation.moving_part(surface, part, found, bounds)) for part, found in fronts.items()}
-    return Case(path.name, surface, fronts, right | {"": room.room_findings(surface, fronts, bounds)})
+    return Case(path.name, surface, fronts, right | {"": room.room_checks(surface, fronts, bounds)})
 
 
-def flagged(findings: list[Finding]) -> set[str]:
+def flagged(findings: list[Check]) -> set[str]:
     """Return the names of the checks that warn or fail."""
-    return {finding.check for finding in findings if finding.verdict in ("warn", "fail")}
+    return {finding.name for finding in findings if finding.status in ("warn", "fail")}
 
 
 def false_alarms(cases: list[Case]) -> dict[str, Any]:
@@ -127,7 +127,7 @@ def false_alarms(cases: list[Case]) -> dict[str, Any]:
         "flagged_parts": len({(name, part) for name, part, _ in bad if part}),
         "rooms": len(rows) - parts,
         "flagged_rooms": len({name for name, part, _ in bad if not part}),
-        "said": [f"{name}: {finding.check}: {finding}" for name, _, finding in bad],
+        "said": [f"{name}: {finding.name}: {finding}" for name, _, finding in bad],
     }
 
 
@@ -169,7 +169,7 @@ def checked(wrong: Wrong, bounds: Bounds) -> dict[str, Any]:
         findings = list(annotation.moving_part(case.surface.with_scene(wrong.scene), part, case.fronts[part], bounds))
     else:
         surface = ScanSurface(wrong.scene)
-        findings = room.room_findings(surface, {p: front(surface, p) for p in wrong.scene.movable[:8]}, bounds)
+        findings = room.room_checks(surface, {p: front(surface, p) for p in wrong.scene.movable[:8]}, bounds)
     return row(wrong, flagged(findings) - flagged(case.right[part]))
 
 

@@ -10,9 +10,10 @@ from s2a.annotate import handle as handles
 from s2a.annotate.handle import Shape
 from s2a.annotate.region import FrontRegion, GrowConfig, cut_out
 from s2a.annotate.surface import SplitSurface
+from s2a.core.check import Check
 from s2a.scan import labels
+from s2a.scan.evidence import Bounds
 from s2a.scan.evidence import annotation as evidence
-from s2a.scan.evidence.finding import Bounds, Finding
 from s2a.scan.evidence.front import front
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scan.formats.articulate3d import TYPES
@@ -161,7 +162,7 @@ def scene(annotation: Draft, name: str = "scan") -> tuple[Scene, dict[int, str]]
     return Scene(name, parts), ids
 
 
-def of_part(annotation: Draft, index: int, bounds: Bounds) -> list[Finding]:
+def of_part(annotation: Draft, index: int, bounds: Bounds) -> list[Check]:
     """Return what the surface says about one part with a joint; nothing about one without."""
     found, ids = scene(annotation)
     if index not in ids or not len(annotation.items[index].front):
@@ -170,6 +171,6 @@ def of_part(annotation: Draft, index: int, bounds: Bounds) -> list[Finding]:
     return list(evidence.moving_part(surface, ids[index], front(surface, ids[index]), bounds))
 
 
-def of_all(annotation: Draft, bounds: Bounds) -> list[Finding]:
+def of_all(annotation: Draft, bounds: Bounds) -> list[Check]:
     """Return what the surface says about the whole annotation."""
     return evidence.check(scene(annotation)[0], bounds)

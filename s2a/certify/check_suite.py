@@ -12,13 +12,14 @@ import mujoco
 
 from s2a.certify import contents, finger_gap, portability, static
 from s2a.certify import physics as physics_grip
-from s2a.certify.check import Check, Status, ValidationReport, check_bound
+from s2a.certify.check import ValidationReport
 from s2a.certify.contents import Contents, ShapeConfig
 from s2a.certify.finger_gap import Gap, GapConfig
 from s2a.certify.physics import GripConfig, GripTest, MujocoWorld, PhysicsConfig
 from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
 from s2a.certify.static import FoundationConfig
+from s2a.core.check import Check, Status, at_most
 from s2a.core.errors import InputError
 from s2a.core.provenance import provenance
 from s2a.scene.usd.stage import ROOT
@@ -142,7 +143,7 @@ def _fingers(target: str, room: Gap, attempt: GripTest, config: CertifyConfig, s
         filled = Check("finger_gap", "info", prim=region, message=said)
     else:
         remedy = "prepare with colliders that keep the gap free (prepare=handle)"
-        filled = check_bound(
+        filled = at_most(
             "finger_gap", room.fill_ratio, config.gap.max_fill_ratio, "", prim=region, message=said, remedy=remedy
         )
         filled = filled if fits else replace(filled, status="info", remedy="")

@@ -12,8 +12,8 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from s2a.certify.check import Check, check_bound, decide
 from s2a.core.bounds import CountFromZero, NotNegative
+from s2a.core.check import Check, at_most, no_problems
 from s2a.core.errors import InputError
 from s2a.scene.usd.joints import joint_ends
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
@@ -169,7 +169,7 @@ def finite(contents: Contents, config: ShapeConfig) -> Check:
     """Every coordinate of every surface is a number."""
     bad = [(str(prim.GetPath()), int((~np.isfinite(points(prim))).any(axis=1).sum())) for prim in contents.meshes]
     problems = [(path, f"{count} points are not finite") for path, count in bad if count]
-    return decide("finite", problems, "correct the scan's points and export it again", f"{len(bad)} surfaces")
+    return no_problems("finite", problems, "correct the scan's points and export it again", f"{len(bad)} surfaces")
 
 
 def collision(contents: Contents, config: ShapeConfig) -> Check:
@@ -186,7 +186,7 @@ def collision(contents: Contents, config: ShapeConfig) -> Check:
             problems.append((path, f"its approximation is {approximation}, not convexHull"))
         if not prim.GetAttribute("s2a:part").Get():
             problems.append((path, "no s2a:part names the part it approximates"))
-    return decide("collision", problems, PREPARE_AGAIN, f"{len(contents.colliders)} colliders")
+    return no_problems("collision", problems, PREPARE_AGAIN, f"{len(contents.colliders)} colliders")
 
 
 def convex(contents: Contents, config: ShapeConfig) -> Check:
@@ -197,7 +197,7 @@ def convex(contents: Contents, config: ShapeConfig) -> Check:
         if not depth <= worst:
             worst, where = depth, str(prim.GetPath())
     remedy = "decompose the collider into convex hulls; " + PREPARE_AGAIN
-    return check_bound("convex", worst, config.dent, "m", prim=where, message=message, remedy=remedy)
+    return at_most("convex", worst, config.dent, "m", prim=where, message=message, remedy=remedy)
 
 
 def dent(vertices: np.ndarray, triangles: np.ndarray) -> float:
@@ -229,7 +229,7 @@ def collider_count(contents: Contents, config: ShapeConfig) -> Check:
         text = f"{own} colliders on the part, possible: 1 to {config.target_hulls}"
         problems.append((f"{ROOT}/{contents.part}", text))
     around = len(contents.colliders_of(room)) if room else 0
-    return decide(
+    return no_problems(
         "collider_count",
         problems,
         PREPARE_AGAIN,
@@ -255,7 +255,7 @@ def grasp_and_base(contents: Contents, config: ShapeConfig) -> Check:
         ops = {op.GetOpName() for op in UsdGeom.Xformable(base).GetOrderedXformOps()}
         if not {"xformOp:translate", "xformOp:orient"} <= ops:
             problems.append((str(base.GetPath()), "the base pose lacks a translation or an orientation"))
-    return decide(name, problems, PREPARE_AGAIN, prim=f"{contents.target.GetPath()}/grasp")
+    return no_problems(name, problems, PREPARE_AGAIN, prim=f"{contents.target.GetPath()}/grasp")
 
 
 def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
@@ -272,7 +272,7 @@ def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
         turn = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractRotationQuat()
         away = Rotation.from_quat([*turn.GetImaginary(), turn.GetReal()]).inv().apply(away)
         away, limit = away * ([1, 1, 0] if 0.0 <= away[2] <= DEEPEST else [1, 1, 1]), config.recess_site
-    return check_bound(
+    return at_most(
         name, float(np.linalg.norm(away)), limit, "m", prim=str(site.GetPath()),
         message="from the middle of the grasp region", remedy="put the site where the region is; " + PREPARE_AGAIN,
     )  # fmt: skip

@@ -8,9 +8,9 @@ import mujoco
 import newton
 import numpy as np
 
-from s2a.certify.check import Check, check_bound
 from s2a.certify.physics import MujocoWorld
 from s2a.core.bounds import Count, NotNegative, Positive
+from s2a.core.check import Check, at_most
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
 
 FIX = "correct the colliders or the annotated axis and range, then " + PREPARE_AGAIN
@@ -84,11 +84,11 @@ def rest(world: MujocoWorld, config: MotionConfig) -> list[Check]:
     worst = int(np.argmax(np.where(np.isnan(moved), np.inf, moved)))
     joint = f"/scene/joints/{world.stage.target}"
     return [
-        check_bound(
+        at_most(
             "rest_displacement", float(moved[worst]), config.rest_displacement, "m", prim=f"/scene/{names[own[worst]]}",
             message=f"max displacement of a body within {config.rest_time:g} s, no robot", remedy=FIX,
         ),
-        check_bound(
+        at_most(
             "self_opening", abs(coordinate), config.open, "m", prim=joint,
             message=f"displacement of the grasp point after {config.open_time:g} s under gravity alone",
             remedy="level the annotated axis, or give the joint dry friction (prepare.friction)",
@@ -116,7 +116,7 @@ def joint_sweep(world: MujocoWorld, config: MotionConfig) -> Check:
     )
     message += f" besides the {max(weights):.1f} N or less that carry its weight" if max(weights) > 0.1 else ""
     stopped = reached[worst] > SLACK and blocks[worst]
-    return check_bound(
+    return at_most(
         "joint_sweep", float(reached[worst]), SLACK, "m", prim=blocks[worst] if stopped else joint,
         message=f"{message}: blocked by {blocks[worst]}" if stopped else message,
         remedy="correct the colliders that block it, or lower the joint's dry friction",
@@ -129,7 +129,7 @@ def penetration(world: MujocoWorld, name: str, coordinates: np.ndarray, config: 
     moving, room = world.geoms(stage.target), world.obstacles()
     found = [(*world.deepest(world.data(float(q)), moving, room, 0.001), float(q)) for q in coordinates]
     depth, a, b, q = max(found)
-    return check_bound(
+    return at_most(
         name, max(depth, 0.0), config.penetration, "m", prim=world.labels[a] if depth > 0 else f"/scene/{stage.target}",
         message=f"in {world.labels[b]} at {q:.3f}" if depth > 0 else "no collision with the room", remedy=FIX,
     )  # fmt: skip
@@ -164,7 +164,7 @@ def reload(world: MujocoWorld) -> Check:
         problems.append("coordinates that are not finite after 100 steps")
     path, count = f"/scene/joints/{world.stage.target}", float(len(problems))
     message = "; ".join(problems) or f"MuJoCo {mujoco.__version__} alone has the same joint, limits and mass"
-    return check_bound("mujoco_reload", count, 0.0, "problems", prim=path, message=message, remedy=FIX)
+    return at_most("mujoco_reload", count, 0.0, "problems", prim=path, message=message, remedy=FIX)
 
 
 def _push(world: MujocoWorld, data: mujoco.MjData, goal: float, config: MotionConfig) -> tuple[float, float]:

@@ -9,8 +9,8 @@ from contextlib import suppress
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
-from s2a.certify.check import Check, decide
 from s2a.certify.contents import Contents, ends, points
+from s2a.core.check import Check, no_problems
 from s2a.core.errors import InputError
 from s2a.scene.articulation import open_limit
 from s2a.scene.usd.joints import read_joint
@@ -36,7 +36,7 @@ def gravity(contents: Contents) -> Check:
             earth = magnitude is not None and (magnitude < 0 or STANDARD_GRAVITY[0] <= magnitude <= STANDARD_GRAVITY[1])
             if not earth:  # a negative one is UsdPhysics' word for the Earth's
                 problems.append((str(prim.GetPath()), f"gravity is {magnitude} m/s^2, expected 9.81"))
-    return decide("gravity", problems, PREPARE_AGAIN, "9.81 m/s^2")
+    return no_problems("gravity", problems, PREPARE_AGAIN, "9.81 m/s^2")
 
 
 def at_rest(contents: Contents) -> Check:
@@ -52,7 +52,7 @@ def at_rest(contents: Contents) -> Check:
             state = attribute.GetName().startswith("state:") and attribute.Get()
             if state:
                 problems.append((str(joint.GetPath()), f"begins with {attribute.GetName()} of {state:g}"))
-    return decide("at_rest", problems, "remove the initial velocities; " + PREPARE_AGAIN)
+    return no_problems("at_rest", problems, "remove the initial velocities; " + PREPARE_AGAIN)
 
 
 def passive_joints(contents: Contents) -> Check:
@@ -74,7 +74,7 @@ def passive_joints(contents: Contents) -> Check:
             value = joint.GetAttribute(name).Get() if joint.HasAttribute(name) else None
             if value is not None and not 0.0 <= value <= bound:
                 problems.append((path, f"its {name} is {value:g}, possible: 0 to {bound:g}"))
-    return decide("passive_joints", problems, "remove drives and break forces; " + PREPARE_AGAIN)
+    return no_problems("passive_joints", problems, "remove drives and break forces; " + PREPARE_AGAIN)
 
 
 def collision_filters(contents: Contents) -> Check:
@@ -95,7 +95,7 @@ def collision_filters(contents: Contents) -> Check:
                     problems.append((path, f"contact with {other.name} is filtered, and no overlap is noted"))
                 elif not _near(contents, prim, contents.stage.GetPrimAtPath(other)):
                     problems.append((path, f"contact with {other.name} is filtered, and the two are apart"))
-    return decide("collision_filters", problems, "remove groups and filters; " + PREPARE_AGAIN)
+    return no_problems("collision_filters", problems, "remove groups and filters; " + PREPARE_AGAIN)
 
 
 def contact_material(contents: Contents) -> Check:
@@ -116,7 +116,7 @@ def contact_material(contents: Contents) -> Check:
             problems.append(
                 (str(material.GetPath()), f"restitution {api.GetRestitutionAttr().Get():g}, possible: 0 to 0.5")
             )
-    return decide("contact_material", problems, "bind a physics material to every collider; " + PREPARE_AGAIN)
+    return no_problems("contact_material", problems, "bind a physics material to every collider; " + PREPARE_AGAIN)
 
 
 def mass_distribution(contents: Contents) -> Check:
@@ -146,7 +146,7 @@ def mass_distribution(contents: Contents) -> Check:
             problems.append(
                 (path, f"its radius of gyration is {gyration:.2g} m, half its diagonal {np.linalg.norm(size) / 2:.2g}")
             )
-    return decide("mass_distribution", problems, "let prepare estimate mass and inertia; " + PREPARE_AGAIN)
+    return no_problems("mass_distribution", problems, "let prepare estimate mass and inertia; " + PREPARE_AGAIN)
 
 
 ROOM_RULES: tuple[Callable[[Contents], Check], ...] = (

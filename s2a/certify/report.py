@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import dataclasses
 import html
 import io
 import itertools
@@ -16,7 +15,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from s2a.certify.check import Check, ValidationReport
+from s2a.certify.check import ValidationReport
+from s2a.core.check import Check, as_json, count_text
 from s2a.scan.visuals import hulls, visible_room
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.scene.geometry.mesh_ops import painted
@@ -35,8 +35,8 @@ figure { display: inline-block; margin: 0 .6em 1em 0 } img { width: 24em; max-wi
 
 def to_json(results: Sequence[ValidationReport]) -> str:
     """Return validation reports as JSON; NaN and infinity, which JSON has not, become null."""
-    rows = [{"passed": c.passed, **dataclasses.asdict(c)} for c in results]
-    return json.dumps(_plain({"passed": all(c.passed for c in results), "reports": rows}), indent=1)
+    rows = [{"passed": c.passed, **as_json(c)} for c in results]
+    return json.dumps({"passed": all(c.passed for c in results), "reports": rows}, indent=1)
 
 
 def from_json(text: str) -> list[ValidationReport]:
@@ -64,7 +64,7 @@ def kept(
         earlier = from_json(path.read_text())
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    same = all((c.sha256, c.settings, c.provenance) == (sha256, _plain(settings), made) for c in earlier)
+    same = all((c.sha256, c.settings, c.provenance) == (sha256, as_json(settings), made) for c in earlier)
     return earlier if same and [c.target for c in earlier] == list(parts) else None
 
 
@@ -115,12 +115,13 @@ def grip(result: ValidationReport) -> str:
 
 def summary(result: ValidationReport) -> str:
     """Return a report as a few lines: its verdict, each failed check with its remedy, and why others were skipped."""
-    counts = {status: sum(c.status == status for c in result.checks) for status in ("pass", "fail", "skipped")}
     verdict = "PASSED" if result.passed else "FAILED"
     head = f"{result.stage}: {verdict}; {result.target or 'no target'}: {grip(result)}"
     lines = [f"  {c.name} at {c.prim or '/scene'}: {number(c)} {c.message}; {c.remedy}" for c in result.failed]
-    tail = ", ".join(f"{count} {status}" for status, count in counts.items() if count)
-    lines += [f"  {tail}", *(f"  {c.name} skipped: {c.message}" for c in result.checks if c.status == "skipped")]
+    lines += [
+        f"  {count_text(result.checks)}",
+        *(f"  {c.name} skipped: {c.message}" for c in result.checks if c.status == "skipped"),
+    ]
     return "\n".join([head, *lines])
 
 
@@ -157,17 +158,6 @@ def _embedded(image: np.ndarray) -> str:
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, format="PNG", optimize=True)
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
-
-
-def _plain(value: object) -> object:
-    """Return a value as JSON keeps it: tuples as lists, what is not finite as None."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    return value
 
 
 TARGET = ((230, 120, 40), (250, 170, 60), (205, 90, 60), (245, 140, 100))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -13,11 +12,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.certify.check import Check, Status, check_bound, decide
 from s2a.core.bounds import Fraction, Positive
+from s2a.core.check import Check, Status, at_most, no_problems
 from s2a.robot.spec import RobotSpec
-from s2a.scan.evidence.annotation import moving_part, room_findings
-from s2a.scan.evidence.finding import Bounds, Finding
+from s2a.scan.evidence import Bounds
+from s2a.scan.evidence.annotation import moving_part, room_checks
 from s2a.scan.evidence.front import Front, front
 from s2a.scan.evidence.surface import FloorConfig, ScanSurface, floor_fraction
 from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals, sample, sample_with_faces
@@ -58,7 +57,7 @@ def grasp_frame(path: str, grasp: Grasp, surface: Mesh, max_distance: float, max
     checks = []
     if grasp.internal:
         checks.append(
-            check_bound(
+            at_most(
                 "grasp_internal",
                 _facing(grasp),
                 INWARD,
@@ -72,15 +71,15 @@ def grasp_frame(path: str, grasp: Grasp, surface: Mesh, max_distance: float, max
     ratio = float(thickness / max(length, 1e-6)) if wide else 0.0
     return [
         *checks,
-        check_bound(
+        at_most(
             "grasp_on_region", away, max_distance, "m", prim=f"{path}/grasp", message="from the grasp point to the region",
             remedy="annotate the side of the handle that is to be grasped: the middle of a ring is in the air",
         ),
-        check_bound(
+        at_most(
             "region_on_part", apart, ON_SURFACE, "m", prim=f"{path}/region", message="from the region to its part's surface",
             remedy=PREPARE_AGAIN,
         ),
-        check_bound(
+        at_most(
             "grasp_roll", ratio, ROUND, "", prim=f"{path}/grasp",
             message=f"thickness {1000 * thickness:.0f} mm by length {1000 * length:.0f} mm of the region",
             remedy="close the fingers across the thin side; " + PREPARE_AGAIN,
@@ -151,8 +150,8 @@ def robot_base(
             (path, f"a scanned surface lies {hit:.2f} m from the base's axis, within its radius of {base.radius:g} m")
         )
     return [
-        decide("base_pose", problems, "let prepare search another place, or correct the joint", prim=path),
-        check_bound(
+        no_problems("base_pose", problems, "let prepare search another place, or correct the joint", prim=path),
+        at_most(
             "base_on_floor", 1.0 - floor, 1.0 - config.floor.min_fraction, "", prim=path,
             message="of the footprint has no scanned floor below", remedy="stand where the floor was scanned; " + PREPARE_AGAIN,
         ),
@@ -293,7 +292,7 @@ def shift(surface: Mesh, hulls: Sequence[Mesh], seen: float = SEEN, reach: float
 def _cover(name: str, path: str, surface: Mesh, hulls: Sequence[Mesh], bound: float, config: FidelityConfig) -> Check:
     value = uncovered(sample(surface, POINTS, seed=0), hulls, config.cover)
     message = f"of the scanned surface is farther than {1000 * config.cover:.0f} mm from any of {len(hulls)} colliders"
-    return check_bound(
+    return at_most(
         name, value, bound, "", prim=path, message=message, remedy="add the missing colliders; " + PREPARE_AGAIN
     )
 
@@ -303,13 +302,13 @@ def _excess(path: str, surface: Mesh, hulls: Sequence[Mesh], config: FidelityCon
     prim = f"{path}/colliders/hull_{which:02d}" if hulls else path
     message = "from a collider's corner to the nearest scanned surface"
     remedy = "a collider stands where nothing is; " + PREPARE_AGAIN
-    return check_bound("collider_excess", value, config.max_excess, "m", prim=prim, message=message, remedy=remedy)
+    return at_most("collider_excess", value, config.max_excess, "m", prim=prim, message=message, remedy=remedy)
 
 
 def _shifted(name: str, path: str, value: float, config: FidelityConfig) -> Check:
     message = "between the colliders and the scanned surface"
     remedy = "put the colliders where the surface is; " + PREPARE_AGAIN
-    return check_bound(name, value, config.max_shift, "m", prim=path, message=message, remedy=remedy)
+    return at_most(name, value, config.max_shift, "m", prim=path, message=message, remedy=remedy)
 
 
 def _room(room: SimRoom, part: str, config: FidelityConfig) -> Check:
@@ -323,7 +322,7 @@ def _room(room: SimRoom, part: str, config: FidelityConfig) -> Check:
     ]
     value = uncovered(near, hulls, config.cover) if len(near) else 0.0
     message = f"of the room within {config.around:g} m is farther than {1000 * config.cover:.0f} mm from any collider"
-    return check_bound(
+    return at_most(
         "cover_room", value, config.max_uncovered_room, "", prim="/scene/static", message=message,
         remedy="add the missing colliders; " + PREPARE_AGAIN,
     )  # fmt: skip
@@ -359,7 +358,7 @@ class Evidence:
         """Read a stage whose structure is sound, with its visuals; InputError for any other."""
         self.room = sim_stage.read(path)
         self._surface = ScanSurface(as_scene(self.room))
-        self._whole: dict[Bounds, list[Finding]] = {}
+        self._whole: dict[Bounds, list[Check]] = {}
 
     def checks(self, part: str, config: EvidenceConfig, only: str | None = None) -> list[Check]:
         """Return all checks of an articulated part against the scanned surface; `only` names the one robot that is asked for."""
@@ -367,7 +366,7 @@ class Evidence:
         articulation, path = self.room.articulations[part], f"{ROOT}/{part}"
         robots = {only} if only in articulation.bases else set(articulation.bases)
         widest = max(robot.load(name).gripper.max_opening for name in robots)
-        checks = [_check(finding) for finding in findings if finding.verdict != "unknown" and finding.check != OWN]
+        checks = [_of_stage(check) for check in findings if check.status != "skipped" and check.name != OWN]
         checks += collider_fidelity(self.room, part, config.fidelity)
         checks += grasp_frame(path, articulation.grasp, scanned(self.room, part), config.joints.grasp_gap, widest)
         point = np.array(articulation.grasp.point)
@@ -381,10 +380,10 @@ class Evidence:
         """The fronts of all articulated parts by id."""
         return {part: front(self._surface, part) for part in self.room.articulations}
 
-    def _of_room(self, bounds: Bounds) -> list[Finding]:
+    def _of_room(self, bounds: Bounds) -> list[Check]:
         """Return what the surface says about the whole room, asked once for all its parts."""
         if bounds not in self._whole:
-            self._whole[bounds] = room_findings(self._surface, self._fronts, bounds)
+            self._whole[bounds] = room_checks(self._surface, self._fronts, bounds)
         return self._whole[bounds]
 
 
@@ -434,14 +433,13 @@ def _part(
     return Part(label, Mesh(mesh.vertices, mesh.faces), parent, motion or "fixed", graspable)
 
 
-def _check(finding: Finding) -> Check:
-    """Return a finding about an annotation as a check of the stage."""
-    severe = finding.verdict == "fail" or (finding.verdict == "warn" and bool(finding.part) and finding.check != REASON)
-    status: Status = "fail" if severe else "info" if finding.verdict == "warn" else "pass"
-    value, bound = (None if math.isnan(x) else x for x in (finding.value, finding.bound))
-    prim = f"{ROOT}/joints/{finding.part}" if finding.part else ROOT
-    message = "" if status == "pass" else finding.message
-    return Check(finding.check, status, value, bound, finding.unit, prim, message, finding.remedy if severe else "")
+def _of_stage(check: Check) -> Check:
+    """Return a check of an annotation as one of the stage: a warning about a joint is a failure, as a robot would act on it."""
+    severe = check.status == "fail" or (check.status == "warn" and bool(check.part) and check.name != REASON)
+    status: Status = "fail" if severe else "info" if check.status == "warn" else "pass"
+    prim = f"{ROOT}/joints/{check.part}" if check.part else ROOT
+    message = "" if status == "pass" else check.message
+    return replace(check, status=status, prim=prim, message=message, remedy=check.remedy if severe else "")
 
 
 def doubts(checks: Sequence[Check], names: Sequence[str]) -> list[str]:

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
-from s2a.certify.check import Check, check_bound, decide
 from s2a.certify.contents import Contents, ends, fixed_carrier
+from s2a.core.check import Check, at_most, no_problems
 from s2a.scene import scene
 from s2a.scene.usd.joints import KINDS
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
@@ -40,7 +40,7 @@ def units(contents: Contents) -> Check:
     down = [s for s in scenes if Gf.IsClose(s.GetGravityDirectionAttr().Get(), Gf.Vec3f(0, 0, -1), 1e-6)]
     if len(scenes) != 1 or not down:
         problems.append((ROOT, f"{len(scenes)} physics scenes, {len(down)} with gravity along -z; expected one"))
-    return decide("units", problems, "convert the stage to metres, kilograms and z up", "metres, kilograms, z up")
+    return no_problems("units", problems, "convert the stage to metres, kilograms and z up", "metres, kilograms, z up")
 
 
 def self_contained(contents: Contents) -> Check:
@@ -60,7 +60,7 @@ def self_contained(contents: Contents) -> Check:
     _, _, missing = UsdUtils.ComputeAllDependencies(stage.GetRootLayer().identifier)
     problems += [(ROOT, f"the file {name!r} cannot be found") for name in missing]
     remedy = "flatten the stage, or put its visuals beside it"
-    return decide("self_contained", problems, remedy, "one file and its visuals, nothing instanced")
+    return no_problems("self_contained", problems, remedy, "one file and its visuals, nothing instanced")
 
 
 def target(contents: Contents) -> Check:
@@ -72,7 +72,7 @@ def target(contents: Contents) -> Check:
         problems.append((f"{ROOT}/{name}", f"the joint {name!r} has no rigid body of its name"))
     elif contents.joint and contents.joint.GetName() != name:
         problems.append((str(contents.joint.GetPath()), f"the joint that moves {name!r} has another name"))
-    return decide("target", problems, PREPARE_AGAIN, f"{name!r} moves", f"{ROOT}/{name}")
+    return no_problems("target", problems, PREPARE_AGAIN, f"{name!r} moves", f"{ROOT}/{name}")
 
 
 def bodies(contents: Contents) -> Check:
@@ -95,7 +95,7 @@ def bodies(contents: Contents) -> Check:
             problems.append(
                 (str(path), f"its frame is {np.linalg.norm(center):.2f} m off its centre of mass: it diverges")
             )
-    return decide("bodies", problems, PREPARE_AGAIN, f"{len(contents.bodies)} bodies, siblings, each in its frame")
+    return no_problems("bodies", problems, PREPARE_AGAIN, f"{len(contents.bodies)} bodies, siblings, each in its frame")
 
 
 def root_joint(contents: Contents) -> Check:
@@ -112,7 +112,9 @@ def root_joint(contents: Contents) -> Check:
             problems.append((str(here), f"{len(fixed)} fixed joints hold what carries the part in the world, not one"))
         if not {p.GetPath() for p in roots} & {here, *(j.GetPath() for j in fixed)}:
             problems.append((str(here), "no articulation root: Newton would leave the joint outside of articulations"))
-    return decide("root_joint", problems, "fix the cabinet to the world and apply PhysicsArticulationRootAPI to it")
+    return no_problems(
+        "root_joint", problems, "fix the cabinet to the world and apply PhysicsArticulationRootAPI to it"
+    )
 
 
 def target_joint(contents: Contents) -> Check:
@@ -133,7 +135,7 @@ def target_joint(contents: Contents) -> Check:
             problems.append((str(joint.GetPath()), text))
         if UsdPhysics.Joint(joint).GetJointEnabledAttr().Get() is False:
             problems.append((str(joint.GetPath()), "the joint is switched off"))
-    return decide("target_joint", problems, PREPARE_AGAIN, prim=_path(contents.joint))
+    return no_problems("target_joint", problems, PREPARE_AGAIN, prim=_path(contents.joint))
 
 
 def joint_limits(contents: Contents) -> Check:
@@ -152,7 +154,7 @@ def joint_limits(contents: Contents) -> Check:
         problems.append(f"physics limits {physics[0]} to {physics[1]} say other than s2a:limits {low:g} to {high:g}")
     path = str(joint.GetPath())
     remedy = "correct the annotation's range (metres or radians, from the scanned pose) and " + PREPARE_AGAIN
-    return decide(name, [(path, text) for text in problems], remedy, f"{low:.3f} to {high:.3f}", path)
+    return no_problems(name, [(path, text) for text in problems], remedy, f"{low:.3f} to {high:.3f}", path)
 
 
 def joint_frames(contents: Contents) -> Check:
@@ -178,7 +180,7 @@ def joint_frames(contents: Contents) -> Check:
         # Frames turned against each other about the axis itself would move a hinge's zero.
         here, there = (np.array([q.GetReal(), *q.GetImaginary()]) for q in _turns(physics))
         worst = float(np.max([worst, min(np.abs(here - there).max(), np.abs(here + there).max())]))
-    return check_bound(
+    return at_most(
         name, worst, EXACT, prim=str(joint.GetPath()), message="axis and origin against the physics frames",
         remedy="write axis and origin through s2a, which keeps both in step; " + PREPARE_AGAIN,
     )  # fmt: skip
@@ -199,13 +201,13 @@ def mass(contents: Contents) -> Check:
             problems.append((path, f"moments {np.round(inertia, 4).tolist()} that no body has (triangle inequality)"))
         if center is None or not np.isfinite(center).all():
             problems.append((path, f"the centre of mass is {center}"))
-    return decide("mass", problems, "author mass, centre and inertia; " + PREPARE_AGAIN)
+    return no_problems("mass", problems, "author mass, centre and inertia; " + PREPARE_AGAIN)
 
 
 def usd(contents: Contents) -> Check:
     """Everything that usd-core itself checks."""
     problems = [(_mentioned(line), line) for line in broken_rules(contents.stage)]
-    return decide("usd", problems, "see the rule's name in OpenUSD's documentation", "all validators of usd-core")
+    return no_problems("usd", problems, "see the rule's name in OpenUSD's documentation", "all validators of usd-core")
 
 
 ROOM_RULES: tuple[Callable[[Contents], Check], ...] = (units, self_contained, bodies, mass, usd)

@@ -17,11 +17,11 @@ from s2a.annotate.propose.layers import ProposeConfig
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.core.bounds import AtLeast, Count
+from s2a.core.check import text
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, refuse_loss
 from s2a.core.progress import report as say
-from s2a.scan.evidence import finding
-from s2a.scan.evidence.finding import Bounds
+from s2a.scan.evidence import Bounds
 from s2a.scene.geometry.camera import OrbitCamera, framing_pose
 
 START = np.array([1.0, 0.0, 0.0])
@@ -114,5 +114,5 @@ def _summary(annotation: Draft, config: Config) -> str:
     left = len(annotation.items) - len(done)
     said = f"{config.out}: {len(done)} parts ({kinds or 'none'}), {handles} with a handle"
     said += f"; {left} without a joint are left out" if left else ""
-    said += f"\n{finding.text(of_all(annotation, config.evidence))}" if done else ""
+    said += f"\n{text(of_all(annotation, config.evidence))}" if done else ""
     return said + f"\n  next: s2a check scan={config.out}"

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from s2a.core.check import as_json, failed, text
 from s2a.core.errors import CheckFailed
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
 from s2a.scan import load_scene
-from s2a.scan.evidence import annotation, finding
-from s2a.scan.evidence.finding import Bounds
+from s2a.scan.evidence import Bounds, annotation
 from s2a.scan.formats.articulate3d import read_overlaps
 
 
@@ -21,7 +21,7 @@ class Config:
 
     Attributes:
         scan: folder of the scan, or the geometric.usd of one.
-        out: JSON file to write with every finding, also those that pass; or null.
+        out: JSON file to write with every check, also those that pass; or null.
         evidence: what the surface may say about the annotation.
     """
 
@@ -39,15 +39,14 @@ def run(config: Config) -> str:
     """
     scene = load_scene(config.scan)
     listed = read_overlaps(config.scan) if config.scan.is_dir() else []
-    findings = annotation.check(scene, config.evidence, listed)
+    checks = annotation.check(scene, config.evidence, listed)
     if config.out:
-        bounds = dataclasses.asdict(config.evidence)
+        about = {"scan": str(config.scan), "bounds": config.evidence, "provenance": provenance("cpu")}
+        values = {"passed": not failed(checks), **about, "checks": checks}
         with atomic_write(config.out) as file:
-            file.write_text(
-                finding.to_json(findings, scan=str(config.scan), bounds=bounds, provenance=provenance("cpu"))
-            )
-    said = f"{config.scan}: {len(scene.movable)} moving parts of {scene.name}\n{finding.text(findings)}"
-    said += f"\n  {config.out}" if config.out else ""
-    if finding.failed(findings):
-        raise CheckFailed(said)
-    return said
+            file.write_text(json.dumps(as_json(values), indent=1) + "\n")
+    summary = f"{config.scan}: {len(scene.movable)} moving parts of {scene.name}\n{text(checks)}"
+    summary += f"\n  {config.out}" if config.out else ""
+    if failed(checks):
+        raise CheckFailed(summary)
+    return summary

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a.core import errors
+from s2a.core.check import doubtful
 from s2a.core.errors import InputError
 from s2a.scan import export
-from s2a.scan.evidence.finding import Bounds
+from s2a.scan.evidence import Bounds
 from s2a.scan.formats.articulate3d import read_overlaps
 from s2a.scene.scene import Scene
 
@@ -50,9 +51,8 @@ def _warn(config: Config, scene: Scene) -> None:
     try:
         with errors.required():
             from s2a.scan.evidence import annotation
-            from s2a.scan.evidence import finding as report
     except InputError as missing:
         _log.warning("the annotation is not checked against the surface: %s", missing)
         return
-    for finding in report.doubtful(annotation.check(scene, config.evidence, read_overlaps(config.scan))):
-        _log.warning("%s: %s", finding.check, finding)
+    for check in doubtful(annotation.check(scene, config.evidence, read_overlaps(config.scan))):
+        _log.warning("%s: %s", check.name, check)

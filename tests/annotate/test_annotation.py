@@ -17,8 +17,8 @@ from s2a.annotate.page import shown
 from s2a.annotate.region import GrowConfig, around, grow, grow_most
 from s2a.annotate.surface import ADDED, SplitSurface
 from s2a.core import config
+from s2a.scan.evidence import Bounds
 from s2a.scan.evidence import annotation as evidence
-from s2a.scan.evidence.finding import Bounds
 from s2a.scan.formats.articulate3d import read_overlaps
 from s2a.scene.geometry.mesh_ops import merge
 
@@ -189,7 +189,7 @@ def test_the_checks_of_the_page_are_those_of_the_command(editor: Editor, tmp_pat
     files.write(editor.annotation, bare, tmp_path / "out")
     written = evidence.check(scan.read(tmp_path / "out"), BOUNDS, read_overlaps(tmp_path / "out"))
     live = annotation.of_part(editor.annotation, 0, BOUNDS)
-    assert [(f.check, f.verdict) for f in written if f.part] == [(f.check, f.verdict) for f in live]
+    assert [(f.name, f.status) for f in written if f.part] == [(f.name, f.status) for f in live]
     assert len(live) > 5
 
 

@@ -20,7 +20,7 @@ from s2a.annotate.editor import Editor  # noqa: E402
 from s2a.annotate.page import panel  # noqa: E402
 from s2a.annotate.region import GrowConfig  # noqa: E402
 from s2a.core import config  # noqa: E402
-from s2a.scan.evidence.finding import Bounds  # noqa: E402
+from s2a.scan.evidence import Bounds  # noqa: E402
 from s2a.scene.geometry.camera import CameraPose  # noqa: E402
 
 pytestmark = [

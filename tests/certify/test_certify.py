@@ -25,13 +25,14 @@ from seeded_defects import (
 from settings import load
 
 from s2a.certify import contents, report, static
-from s2a.certify.check import Check, ValidationReport
+from s2a.certify.check import ValidationReport
 from s2a.certify.check_suite import CertifyConfig
 from s2a.certify.contents import PART_RULES, ROOM_RULES
 from s2a.certify.report import images
 from s2a.certify.static import foundation
 from s2a.commands import cli
 from s2a.core import provenance
+from s2a.core.check import Check
 from s2a.core.errors import InputError
 from s2a.scene.geometry.camera import OrbitCamera
 from s2a.scene.usd import sim_stage

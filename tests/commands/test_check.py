@@ -30,8 +30,8 @@ def test_a_right_annotation_leaves_zero_and_a_contradiction_one(
     assert "drawer_6" in line and "cosine -1.00" in line and "possible: 0.3 to 1; negate the axis" in line
     written = json.loads((tmp_path / "check.json").read_text())
     assert written["passed"] is False and written["bounds"]["outward"] == 0.3
-    [found] = [f for f in written["findings"] if f["check"] == "opens_outward" and f["part"] == "drawer_6"]
-    assert found["value"] == pytest.approx(-1.0) and found["verdict"] == "fail"
+    [found] = [f for f in written["checks"] if f["name"] == "opens_outward" and f["part"] == "drawer_6"]
+    assert found["value"] == pytest.approx(-1.0) and found["status"] == "fail"
 
 
 def test_a_warning_alone_leaves_zero(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

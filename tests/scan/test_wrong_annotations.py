@@ -20,7 +20,7 @@ from wrong_annotations import (
 )
 
 from s2a.scan.evidence import annotation
-from s2a.scan.evidence.annotation import room_findings as whole_room
+from s2a.scan.evidence.annotation import room_checks as whole_room
 from s2a.scan.evidence.front import Front, front
 from s2a.scan.evidence.surface import ScanSurface
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.core import config
-from s2a.scan.evidence.finding import Bounds
+from s2a.scan.evidence import Bounds
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 SIZE = (4.0, 3.0, 2.5)

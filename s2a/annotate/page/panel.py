@@ -17,8 +17,9 @@ from s2a.annotate.editor import Editor
 from s2a.annotate.handle import SHAPES
 from s2a.annotate.page import shown as pick
 from s2a.annotate.page.shown import Shown
+from s2a.core.check import Check, doubtful
 from s2a.core.errors import InputError
-from s2a.scan.evidence.finding import Bounds, Finding
+from s2a.scan.evidence import Bounds
 from s2a.scene.geometry.camera import CameraPose
 from s2a.scene.scene import Mesh
 from s2a.view.page import glb, panel
@@ -35,8 +36,8 @@ HINTS = {
     HANDLE: "Click the handle, or the place where one is.",
     RECTANGLE: "Shift and drag a rectangle around the front.",
 }
-MARKS = {"pass": "\u2713", "warn": "\u26a0", "fail": "\u2717", "unknown": "?"}
-COLORS = {"pass": "seagreen", "warn": "darkorange", "fail": "crimson", "unknown": "gray"}
+MARKS = {"pass": "\u2713", "warn": "\u26a0", "fail": "\u2717", "skipped": "?"}
+COLORS = {"pass": "seagreen", "warn": "darkorange", "fail": "crimson", "skipped": "gray"}
 NONE = "none"
 STYLE = f"""<style>
 {panel.MARKS}
@@ -79,18 +80,20 @@ def facts_text(item: Item | None) -> str:
     return f"<div class='s2a-card'>{text}</div>"
 
 
-def check_text(findings: Sequence[Finding]) -> str:
-    """Return findings as HTML: those that fail or warn in full, of the others the names."""
-    bad = [f for verdict in ("fail", "warn") for f in findings if f.verdict == verdict]
-    lines = [_line(f.verdict, f"{f.check}: {f.message}" + (f"; {f.remedy}" if f.remedy else "")) for f in bad]
-    for verdict in ("pass", "unknown"):
-        if names := [f.check for f in findings if f.verdict == verdict]:
-            lines.append(_line(verdict, ", ".join(names)))
+def check_text(checks: Sequence[Check]) -> str:
+    """Return checks as HTML: those that fail or warn in full, of the others the names."""
+    lines = [
+        _line(check.status, f"{check.name}: {check.message}" + (f"; {check.remedy}" if check.remedy else ""))
+        for check in doubtful(checks)
+    ]
+    for status in ("pass", "skipped"):
+        if names := [check.name for check in checks if check.status == status]:
+            lines.append(_line(status, ", ".join(names)))
     return f"<div class='s2a-card'>{''.join(lines)}</div>"
 
 
-def _line(verdict: str, text: str) -> str:
-    return f"<div><span style='color:{COLORS[verdict]}'>{MARKS[verdict]}</span> {html.escape(text)}</div>"
+def _line(status: str, text: str) -> str:
+    return f"<div><span style='color:{COLORS[status]}'>{MARKS[status]}</span> {html.escape(text)}</div>"
 
 
 SCANNED = "as scanned, or a bar"

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from s2a.scan.evidence import contact
+from s2a.core.check import Check, Status, at_most
+from s2a.scan.evidence import Bounds, contact
 from s2a.scan.evidence import joint as hinge
 from s2a.scan.evidence import joint as slide
-from s2a.scan.evidence.finding import Bounds, Finding, Verdict, bounded_above, unknown
 from s2a.scan.evidence.front import Front, front, panel
 from s2a.scan.evidence.joint import kind, opens_outward
 from s2a.scan.evidence.surface import ScanSurface, Sweep, sphere, sweep
@@ -29,20 +29,20 @@ FLOOR = re.compile(r"^\s*floor\s*$", re.IGNORECASE)
 REMEDY = "possible: z up; turn mesh and joints together (x, y, z) -> (x, -z, y) for a scan with y up"
 
 
-def room_findings(surface: ScanSurface, fronts: Mapping[str, Front | None], bounds: Bounds) -> list[Finding]:
+def room_checks(surface: ScanSurface, fronts: Mapping[str, Front | None], bounds: Bounds) -> list[Check]:
     """Return what the surface says about the whole room; `fronts` are those of its moving parts by id."""
     known = {part: front for part, front in fronts.items() if front is not None}
     return [*up_axis(surface, bounds), units(surface, known, bounds)]
 
 
-def up_axis(surface: ScanSurface, bounds: Bounds) -> list[Finding]:
+def up_axis(surface: ScanSurface, bounds: Bounds) -> list[Check]:
     """Judge which way is up, by the floor where one is labelled, by all surfaces where none is."""
     floors = [p.mesh for p in surface.scene.parts.values() if FLOOR.match(p.label) and p.mesh.face_areas.sum() > 0]
     if floors:
         return [_labelled(floors, surface, bounds)]
     points, facing = samples(surface.mesh)
     if not len(points):
-        return [unknown("up_axis", "", "there is no surface")]
+        return [Check("up_axis", "skipped", message="there is no surface")]
     return [_level(facing, bounds), _underside(points, surface.winding * facing, bounds)]
 
 
@@ -68,7 +68,7 @@ def underside(points: np.ndarray, facing: np.ndarray) -> float:
     return (up - down) / (up + down) if up + down > 0.02 else float("nan")
 
 
-def _labelled(floors: list[Mesh], surface: ScanSurface, bounds: Bounds) -> Finding:
+def _labelled(floors: list[Mesh], surface: ScanSurface, bounds: Bounds) -> Check:
     """Judge the up axis by the parts labelled floor: level, and with the room above them."""
     weight = np.concatenate([mesh.face_areas for mesh in floors])
     middle = np.concatenate([centroids(mesh) for mesh in floors])
@@ -81,10 +81,10 @@ def _labelled(floors: list[Mesh], surface: ScanSurface, bounds: Bounds) -> Findi
     slope = float(np.degrees(np.arccos(np.clip(normal[2], -1.0, 1.0))))
     text = ", ".join(f"{x:.2f}" for x in normal)
     message = f"the room lies over its floor along ({text}), {slope:.0f} deg off z"
-    return bounded_above("up_axis", "", slope, bounds.slope, "deg", message, REMEDY)
+    return at_most("up_axis", slope, bounds.slope, "deg", message=message, remedy=REMEDY)
 
 
-def _level(facing: np.ndarray, bounds: Bounds) -> Finding:
+def _level(facing: np.ndarray, bounds: Bounds) -> Check:
     """Judge the up axis by area: in most rooms more surface is level than looks along any other direction."""
     directions = sphere(1500)
     fractions = (np.abs(facing @ directions.T) > LEVEL).mean(axis=0)
@@ -94,23 +94,29 @@ def _level(facing: np.ndarray, bounds: Bounds) -> Finding:
     text = ", ".join(f"{x:.2f}" for x in best)
     message = f"{own:.0%} of its surface is level, but {most:.0%} lies across ({text}): is that up?"
     good = ratio >= bounds.level
-    return Finding(
-        "up_axis", "", "pass" if good else "warn", ratio, bounds.level, "of the most", message, "" if good else REMEDY
+    return Check(
+        "up_axis",
+        "pass" if good else "warn",
+        ratio,
+        bounds.level,
+        "of the most",
+        message=message,
+        remedy="" if good else REMEDY,
     )
 
 
-def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Finding:
+def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Check:
     """Judge the up axis by what looks up and down between floor and ceiling."""
     excess = underside(points, facing)
     if np.isnan(excess):
-        return unknown("up_side", "", "nothing level stands between floor and ceiling")
+        return Check("up_side", "skipped", message="nothing level stands between floor and ceiling")
     message = f"between floor and ceiling {(1 + excess) / 2:.0%} of what is level looks along +z, as tabletops do"
     good = excess >= bounds.underside
-    verdict: Verdict = "pass" if good else "fail" if excess < -bounds.underside else "warn"
-    return Finding("up_side", "", verdict, excess, bounds.underside, "", message, "" if good else REMEDY)
+    status: Status = "pass" if good else "fail" if excess < -bounds.underside else "warn"
+    return Check("up_side", status, excess, bounds.underside, message=message, remedy="" if good else REMEDY)
 
 
-def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Finding:
+def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Check:
     """Judge the unit by three sizes that no room's style changes much.
 
     The height of the room, of the surfaces that objects stand on, and the thickness of handles, as far as there are any. One
@@ -131,14 +137,14 @@ def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Fin
     odd = sum(not fits for fits, _ in known)
     message = ", ".join(text for _, text in known)
     if not odd:
-        return Finding(UNITS, "", "pass", height, bounds.heights[1], "m", message)
+        return Check(UNITS, "pass", height, bounds.heights[1], "m", message=message)
     remedy = (
         f"possible: {bounds.heights[0]:g} to {bounds.heights[1]:g} m, {bounds.surfaces[0]:g} to {bounds.surfaces[1]:g} m, "
         f"{1000 * bounds.handles[0]:g} to {1000 * bounds.handles[1]:g} mm; scale mesh and joints to metres (feet x 0.3048, "
         "inches x 0.0254, cm x 0.01)"
     )
-    verdict: Verdict = "fail" if odd >= min(2, len(known)) else "warn"
-    return Finding(UNITS, "", verdict, height, bounds.heights[1], "m", message, remedy)
+    status: Status = "fail" if odd >= min(2, len(known)) else "warn"
+    return Check(UNITS, status, height, bounds.heights[1], "m", message=message, remedy=remedy)
 
 
 def _height(surface: ScanSurface) -> float:
@@ -169,7 +175,7 @@ def _median(values: list[float]) -> float:
     return float(np.median(values)) if values else float("nan")
 
 
-def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> list[Finding]:
+def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> list[Check]:
     """Return what the scanned surface says about an annotation: of the room first, then of each moving part.
 
     Args:
@@ -182,14 +188,14 @@ def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> lis
     """
     surface = ScanSurface(scene)
     fronts = {part: front(surface, part) for part in scene.movable}
-    findings = [*room_findings(surface, fronts, bounds), *contact.floating(surface, bounds)]
-    findings += contact.shared_faces(overlaps, bounds)
+    checks = [*room_checks(surface, fronts, bounds), *contact.floating(surface, bounds)]
+    checks += contact.shared_faces(overlaps, bounds)
     for part, found in fronts.items():
-        findings += moving_part(surface, part, found, bounds)
-    return findings
+        checks += moving_part(surface, part, found, bounds)
+    return checks
 
 
-def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bounds) -> Iterator[Finding]:
+def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bounds) -> Iterator[Check]:
     """Yield what the surface says about one moving part.
 
     Args:
@@ -200,7 +206,9 @@ def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bo
     """
     scene, joint = surface.scene, surface.scene.joint(part)
     if front is None:
-        yield unknown("front", part, "it has no flat surface, so that its joint cannot be checked")
+        yield Check(
+            "front", "skipped", part=part, message="it has no flat surface, so that its joint cannot be checked"
+        )
         return
     points = panel(scene, part).vertices.astype(float)
     handle = contact.has_handle(scene, part)
@@ -226,10 +234,19 @@ def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bo
     yield path(part, sweep(surface, part, bounds.blocked), joint.kind, bounds)
 
 
-def path(part: str, found: Sweep, kind: str, bounds: Bounds) -> Finding:
+def path(part: str, found: Sweep, kind: str, bounds: Bounds) -> Check:
     """Judge the swept path of a part against the untrimmed rest of the scan."""
     unit = "m" if kind == "prismatic" else "rad"
     names = " and ".join(name for name, _ in found.obstacles[:2])
     message = f"{found.blocked:.0%} of it runs into {names or 'nothing'}; free up to {found.free:.2f} of {found.full:.2f} {unit}"
     remedy = f"possible: up to {bounds.blocked:.0%}; correct the joint, or is something in its way?"
-    return bounded_above("swept_path", part, found.blocked, bounds.blocked, "of the surface", message, remedy, "warn")
+    return at_most(
+        "swept_path",
+        found.blocked,
+        bounds.blocked,
+        "of the surface",
+        part=part,
+        message=message,
+        remedy=remedy,
+        otherwise="warn",
+    )

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import QhullError
 
-from s2a.scan.evidence.finding import Bounds, Finding, bounded_above, bounded_below, unknown
+from s2a.core.check import Check, at_least, at_most
+from s2a.scan.evidence import Bounds
 from s2a.scan.evidence.front import Front
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scan.formats.articulate3d import Overlap
@@ -17,7 +18,7 @@ from s2a.scene.geometry.planes import min_area_rectangle
 from s2a.scene.scene import Mesh, Scene
 
 
-def floating(surface: ScanSurface, bounds: Bounds) -> list[Finding]:
+def floating(surface: ScanSurface, bounds: Bounds) -> list[Check]:
     """Judge every part that shares no vertex with another by its distance from the rest of the scan; only failures are kept."""
     scene = surface.scene
     alone = [part for part in isolated(surface) if len(scene.parts[part].mesh.faces)]
@@ -27,11 +28,11 @@ def floating(surface: ScanSurface, bounds: Bounds) -> list[Finding]:
         if gap > bounds.contact:
             message = f"it floats: the nearest other surface is {1000 * gap:.0f} mm off"
             remedy = f"possible: up to {1000 * bounds.contact:.0f} mm; annotate what carries it, or scan that"
-            found.append(Finding("floats", part, "warn", gap, bounds.contact, "m", message, remedy))
+            found.append(Check("floats", "warn", gap, bounds.contact, "m", part=part, message=message, remedy=remedy))
     return found
 
 
-def shared_faces(overlaps: Sequence[Overlap], bounds: Bounds) -> list[Finding]:
+def shared_faces(overlaps: Sequence[Overlap], bounds: Bounds) -> list[Check]:
     """Judge the faces that two unrelated parts list; one of both is wrong, and the deeper part gets them."""
     found = []
     for overlap in overlaps:
@@ -40,8 +41,15 @@ def shared_faces(overlaps: Sequence[Overlap], bounds: Bounds) -> list[Finding]:
             message = f"{overlap.faces} of its faces, {overlap.fraction:.0%}, are listed by {second} too"
             remedy = f"possible: up to {bounds.overlap:.0%}; remove them from the part to which they do not belong"
             found.append(
-                Finding(
-                    "shared_faces", first, "warn", overlap.fraction, bounds.overlap, "of the faces", message, remedy
+                Check(
+                    "shared_faces",
+                    "warn",
+                    overlap.fraction,
+                    bounds.overlap,
+                    "of the faces",
+                    part=first,
+                    message=message,
+                    remedy=remedy,
                 )
             )
     return found
@@ -123,30 +131,34 @@ def handle_gap(scene: Scene, part: str) -> float:
     return float(nearest_faces(ray_mesh(own.vertices, own.faces), region(scene, part).vertices)[1].min())
 
 
-def grasp_on_region(part: str, scene: Scene, bounds: Bounds) -> Finding:
+def grasp_on_region(part: str, scene: Scene, bounds: Bounds) -> Check:
     """Judge a grasp point by its distance from the scanned surface: that of a ring lies in its empty middle."""
     gap, regions = grasp_gap(scene, part), scene.handle_parts(part)
     where = f"between {' and '.join(regions)}" if len(regions) > 1 else "in the air: has it a hole, or is it a ring?"
     message = f"its grasp point lies {1000 * gap:.0f} mm off the surface of its region, {where}"
     remedy = f"possible: up to {1000 * bounds.grasp_gap:.0f} mm; annotate only the faces to grasp, of one handle"
-    return bounded_above("grasp_on_region", part, gap, bounds.grasp_gap, "m", message, remedy, "warn")
+    return at_most(
+        "grasp_on_region", gap, bounds.grasp_gap, "m", part=part, message=message, remedy=remedy, otherwise="warn"
+    )
 
 
-def handle_relief(part: str, scene: Scene, front: Front, bounds: Bounds) -> Finding:
+def handle_relief(part: str, scene: Scene, front: Front, bounds: Bounds) -> Check:
     """Judge whether a handle stands out: one in the colours alone cannot be held."""
     height = relief(region(scene, part), front)
     message = f"its handle stands out by {1000 * height:.0f} mm: it is in the colours only, and cannot be held"
     remedy = f"possible: from {1000 * bounds.relief:.0f} mm; scan it closer, or model it into the mesh"
-    return bounded_below("handle_relief", part, height, bounds.relief, "m", message, remedy, "warn")
+    return at_least(
+        "handle_relief", height, bounds.relief, "m", part=part, message=message, remedy=remedy, otherwise="warn"
+    )
 
 
-def handle_on_part(part: str, scene: Scene, bounds: Bounds) -> Finding:
+def handle_on_part(part: str, scene: Scene, bounds: Bounds) -> Check:
     """Judge whether a handle sits on the part that it is annotated to move."""
     gap = handle_gap(scene, part)
     if not gap >= 0:
-        return unknown("handle_on_part", part, "it has no surface besides its handle")
+        return Check("handle_on_part", "skipped", part=part, message="it has no surface besides its handle")
     message = f"its handle lies {1000 * gap:.0f} mm off its surface"
     remedy = (
         f"possible: up to {1000 * bounds.handle_gap:.0f} mm; is it another part's? check the index paths of the labels"
     )
-    return bounded_above("handle_on_part", part, gap, bounds.handle_gap, "m", message, remedy)
+    return at_most("handle_on_part", gap, bounds.handle_gap, "m", part=part, message=message, remedy=remedy)

@@ -6,7 +6,8 @@ import re
 
 import numpy as np
 
-from s2a.scan.evidence.finding import Bounds, Finding, bounded_above, bounded_below, unknown
+from s2a.core.check import Check, at_least, at_most
+from s2a.scan.evidence import Bounds
 from s2a.scan.evidence.front import Front
 from s2a.scan.evidence.surface import REACH, ScanSurface, moved_parts
 from s2a.scene.articulation import open_limit, opening_direction
@@ -22,7 +23,7 @@ def outward_cosine(joint: Joint, front: Front) -> float:
     return float(opening_direction(joint, front.center) @ front.normal)
 
 
-def opens_outward(part: str, joint: Joint, front: Front, bounds: Bounds) -> Finding:
+def opens_outward(part: str, joint: Joint, front: Front, bounds: Bounds) -> Check:
     """Judge the opening direction of a slide or hinge by the outward side of its front.
 
     Unknown where the part was scanned ajar, where the witnesses of the outward side disagree, and where the front moves in
@@ -31,18 +32,18 @@ def opens_outward(part: str, joint: Joint, front: Front, bounds: Bounds) -> Find
     votes = front.votes
     for_, against = sum(v > 0 for v in votes.values()), sum(v < 0 for v in votes.values())
     if for_ <= against:
-        return unknown(CHECK, part, "the scan does not tell the front's outward side")
+        return Check(CHECK, "skipped", part=part, message="the scan does not tell the front's outward side")
     lower, upper = (abs(limit) for limit in joint.limits)
     if joint.limits[0] < 0.0 < joint.limits[1] and min(lower, upper) > AJAR * max(lower, upper):
-        return unknown(CHECK, part, "scanned ajar, it moves both ways")
+        return Check(CHECK, "skipped", part=part, message="scanned ajar, it moves both ways")
     cosine = outward_cosine(joint, front)
     if abs(cosine) < bounds.outward:
-        return unknown(CHECK, part, f"its front moves in its own plane (cosine {cosine:.2f})")
+        return Check(CHECK, "skipped", part=part, message=f"its front moves in its own plane (cosine {cosine:.2f})")
     verb = "slides" if joint.kind == "prismatic" else "turns"
     into = "out of" if cosine > 0 else "into"
     message = f"{verb} {into} the furniture: cosine {cosine:.2f} with the side of its front {witnesses(front)}"
     remedy = f"possible: {bounds.outward:g} to 1; negate the axis"
-    return bounded_below(CHECK, part, cosine, bounds.outward, "", message, remedy)
+    return at_least(CHECK, cosine, bounds.outward, part=part, message=message, remedy=remedy)
 
 
 def witnesses(front: Front) -> str:
@@ -103,25 +104,27 @@ def along_normal(joint: Joint, front: Front) -> bool:
     return normal_angle(axis, front) < edge_angle(axis, front)
 
 
-def slide_axis(part: str, joint: Joint, front: Front, bounds: Bounds) -> Finding:
+def slide_axis(part: str, joint: Joint, front: Front, bounds: Bounds) -> Check:
     """Judge a slide's direction: along the normal of its front, or along an edge of it (a sliding door)."""
     axis = np.array(joint.axis)
     angle = min(normal_angle(axis, front), edge_angle(axis, front))
     message = f"its axis is {angle:.1f} deg off its front's normal and edges"
     remedy = f"possible: up to {bounds.angle:g} deg; take {_text(front.normal)} for a drawer"
-    return bounded_above("slide_axis", part, angle, bounds.angle, "deg", message, remedy)
+    return at_most("slide_axis", angle, bounds.angle, "deg", part=part, message=message, remedy=remedy)
 
 
-def slide_level(part: str, label: str, joint: Joint, bounds: Bounds) -> Finding:
+def slide_level(part: str, label: str, joint: Joint, bounds: Bounds) -> Check:
     """Judge a slide by gravity: what slides stays where it is left, so it slides level, but for shutters and sashes."""
     if LIFTS.search(label.lower()):
-        return unknown("slide_level", part, f"a {label} may slide upwards")
+        return Check("slide_level", "skipped", part=part, message=f"a {label} may slide upwards")
     slope = float(np.degrees(np.arcsin(np.clip(abs(np.array(joint.axis) @ UP), 0.0, 1.0))))
     message, remedy = (
         f"it slides at a slope of {slope:.1f} deg",
         f"possible: up to {bounds.slope:g} deg; check the axis",
     )
-    return bounded_above("slide_level", part, slope, bounds.slope, "deg", message, remedy, "warn")
+    return at_most(
+        "slide_level", slope, bounds.slope, "deg", part=part, message=message, remedy=remedy, otherwise="warn"
+    )
 
 
 def depth_behind(surface: ScanSurface, part: str, front: Front) -> float:
@@ -145,23 +148,25 @@ def depth_behind(surface: ScanSurface, part: str, front: Front) -> float:
     return max(depth, float(walls.max())) if len(walls) else float("nan")
 
 
-def slide_travel(part: str, joint: Joint, front: Front, surface: ScanSurface, bounds: Bounds) -> Finding:
+def slide_travel(part: str, joint: Joint, front: Front, surface: ScanSurface, bounds: Bounds) -> Check:
     """Judge a slide's travel: a drawer's by the depth behind its front, a sliding door's by its own length."""
     travel = abs(open_limit(joint))
     if along_normal(joint, front):
         depth = depth_behind(surface, part, front)
         if not depth > 0:
-            return unknown("slide_travel", part, "the scan does not tell how deep its furniture is")
+            return Check(
+                "slide_travel", "skipped", part=part, message="the scan does not tell how deep its furniture is"
+            )
         bound, of = depth + bounds.depth_margin, f"its furniture is {depth:.2f} m deep"
     else:
         length = float(np.abs(np.array(joint.axis) @ front.axes) @ front.size)
         bound, of = bounds.length_margin * length, f"it is {length:.2f} m long"
     message = f"it slides by {travel:.2f} m, and {of}"
     remedy = f"possible: up to {bound:.2f} m; correct rangeMin and rangeMax"
-    return bounded_above("slide_travel", part, travel, bound, "m", message, remedy, "warn")
+    return at_most("slide_travel", travel, bound, "m", part=part, message=message, remedy=remedy, otherwise="warn")
 
 
-def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bounds: Bounds) -> Finding:
+def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bounds: Bounds) -> Check:
     """Judge the kind of a joint by its handle: what is pulled forwards is pulled at its middle, a door at its edge.
 
     Args:
@@ -173,13 +178,22 @@ def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bound
     """
     sideways = np.cross(UP, front.normal)
     if not along_normal(joint, front) or np.linalg.norm(sideways) < 0.5:
-        return unknown("slide_handle", part, "it is not pulled forwards")
+        return Check("slide_handle", "skipped", part=part, message="it is not pulled forwards")
     sideways /= np.linalg.norm(sideways)
     width = float(np.abs(sideways @ front.axes) @ front.size)
     offset = abs(float((grasp - front.center) @ sideways)) / width
     message = f"it slides, but its handle is {offset:.0%} of its width beside its middle, as on a door"
     remedy = f"possible: up to {bounds.handle_offset:.0%}; is it a rotation?"
-    return bounded_above("slide_handle", part, offset, bounds.handle_offset, "of the width", message, remedy, "warn")
+    return at_most(
+        "slide_handle",
+        offset,
+        bounds.handle_offset,
+        "of the width",
+        part=part,
+        message=message,
+        remedy=remedy,
+        otherwise="warn",
+    )
 
 
 def _text(direction: np.ndarray) -> str:
@@ -192,7 +206,7 @@ TURNS = re.compile(r"\b(doors?|windows?|lids?|flaps?|gates?|mirrors?)\b")
 """Names of parts that turn about an edge, or slide along it, and are never pulled forwards."""
 
 
-def kind(part: str, label: str, joint: Joint, front: Front, bounds: Bounds) -> Finding:
+def kind(part: str, label: str, joint: Joint, front: Front, bounds: Bounds) -> Check:
     """Judge the kind of a joint by the part's label: drawers slide forwards; doors, windows and lids do not."""
     name = label.lower()
     forwards = joint.kind == "prismatic" and along_normal(joint, front)
@@ -207,13 +221,13 @@ def kind(part: str, label: str, joint: Joint, front: Front, bounds: Bounds) -> F
         wrong, does = forwards or upwards, "slides forwards" if forwards else "slides upwards"
         usual = "turns about an edge"
     else:
-        return unknown("kind", part, "its name does not tell how it moves")
+        return Check("kind", "skipped", part=part, message="its name does not tell how it moves")
     if joint.kind == "revolute" and normal_angle(np.array(joint.axis), front) < bounds.angle and TURNS.search(name):
         wrong, does = True, "turns in its own plane"
     if not wrong:
-        return Finding("kind", part, "pass", message=f"it moves as a {label} does")
+        return Check("kind", "pass", part=part, message=f"it moves as a {label} does")
     remedy = f"possible: a {label} {usual}; check type and axis, or the label"
-    return Finding("kind", part, "warn", message=f"it is called {label!r} and {does}", remedy=remedy)
+    return Check("kind", "warn", part=part, message=f"it is called {label!r} and {does}", remedy=remedy)
 
 
 def across(joint: Joint, front: Front) -> np.ndarray | None:
@@ -249,28 +263,26 @@ def edge_distance(joint: Joint, front: Front, points: np.ndarray) -> tuple[float
     return float(np.hypot(beside, over)), float(high - low)
 
 
-def hinge_edge(part: str, joint: Joint, front: Front, points: np.ndarray, bounds: Bounds) -> Finding:
+def hinge_edge(part: str, joint: Joint, front: Front, points: np.ndarray, bounds: Bounds) -> Check:
     """Judge the distance of a hinge line from the edge of its part, relative to the part's size."""
     distance, breadth = edge_distance(joint, front, points)
     if not distance >= 0:
-        return unknown("hinge_edge", part, "it turns in its own plane")
+        return Check("hinge_edge", "skipped", part=part, message="it turns in its own plane")
     bound = min(bounds.edge, bounds.edge_fraction * breadth)
     message = f"its hinge is {1000 * distance:.0f} mm off its nearest edge, and it is {1000 * breadth:.0f} mm broad"
     remedy = f"possible: up to {1000 * bound:.0f} mm; put the origin on the edge that stays"
-    return bounded_above("hinge_edge", part, distance, bound, "m", message, remedy)
+    return at_most("hinge_edge", distance, bound, "m", part=part, message=message, remedy=remedy)
 
 
-def hinge_parallel(part: str, joint: Joint, front: Front, bounds: Bounds) -> Finding:
+def hinge_parallel(part: str, joint: Joint, front: Front, bounds: Bounds) -> Check:
     """Judge a hinge's direction: along an edge of its part; in its plane, if the part is round."""
     angle = edge_angle(np.array(joint.axis), front)
     message = f"its hinge is {angle:.1f} deg off the nearest edge of its part"
     remedy = f"possible: up to {bounds.angle:g} deg; turn the axis, or is it a translation?"
-    return bounded_above("hinge_parallel", part, angle, bounds.angle, "deg", message, remedy)
+    return at_most("hinge_parallel", angle, bounds.angle, "deg", part=part, message=message, remedy=remedy)
 
 
-def hinge_handle(
-    part: str, joint: Joint, front: Front, points: np.ndarray, grasp: np.ndarray, bounds: Bounds
-) -> Finding:
+def hinge_handle(part: str, joint: Joint, front: Front, points: np.ndarray, grasp: np.ndarray, bounds: Bounds) -> Check:
     """Judge on which edge a hinge lies: far from the handle, for the sake of its lever arm.
 
     Args:
@@ -283,19 +295,28 @@ def hinge_handle(
     """
     sideways = across(joint, front)
     if sideways is None:
-        return unknown("hinge_handle", part, "it turns in its own plane")
+        return Check("hinge_handle", "skipped", part=part, message="it turns in its own plane")
     away = np.abs(np.quantile(points @ sideways, [0.002, 0.998]) - np.array(joint.origin) @ sideways).max()
     fraction = abs(float((grasp - np.array(joint.origin)) @ sideways)) / float(away)
     message = f"its handle is {fraction:.0%} of its breadth away from the hinge"
     remedy = f"possible: from {bounds.handle_distance:.0%}; is the hinge at the opposite edge, or is it a drawer?"
-    return bounded_below(
-        "hinge_handle", part, fraction, bounds.handle_distance, "of the breadth", message, remedy, "warn"
+    return at_least(
+        "hinge_handle",
+        fraction,
+        bounds.handle_distance,
+        "of the breadth",
+        part=part,
+        message=message,
+        remedy=remedy,
+        otherwise="warn",
     )
 
 
-def hinge_range(part: str, joint: Joint, bounds: Bounds) -> Finding:
+def hinge_range(part: str, joint: Joint, bounds: Bounds) -> Check:
     """Judge how far a hinge turns."""
     angle = abs(open_limit(joint))
     message = f"it turns by {angle:.2f} rad ({np.degrees(angle):.0f} deg)"
     remedy = f"possible: up to {bounds.max_angle:g} rad; correct rangeMin and rangeMax, in radians"
-    return bounded_above("hinge_range", part, angle, bounds.max_angle, "rad", message, remedy, "warn")
+    return at_most(
+        "hinge_range", angle, bounds.max_angle, "rad", part=part, message=message, remedy=remedy, otherwise="warn"
+    )

@@ -30,8 +30,8 @@ from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks import make_env
 from s2a.tasks.env import VecEnv
-from s2a.tasks.mdp.world import Opened
 from s2a.tasks.open_part import OpenPartMetrics
+from s2a.tasks.state import Opened
 
 SEED, STEPS, EVERY, OPENING = 7, 2200, 5, 1e-4
 """Of the benchmark; control steps between readings; gain between two readings from which a part opens [m]."""

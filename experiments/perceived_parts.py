@@ -17,8 +17,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from s2a.learn.perception.estimate import load, of_pool
-from s2a.sim import pool
+from s2a.learn.perception.network import load, of_pool
+from s2a.tasks import pool
 from s2a.tasks.mdp.seen import Description, of_vector, truth
 
 PANELS = 8

@@ -15,14 +15,13 @@ from s2a import tasks
 from s2a.commands.evaluate import Config
 from s2a.motion import trajectory
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
-from s2a.motion.trajectory import PullLaw
+from s2a.motion.trajectory import PlannerConfig, PullLaw
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 from s2a.tasks.base import Task
 from s2a.tasks.env import VecEnv
 from s2a.tasks.mdp.grasp import opening_force
-from s2a.tasks.mdp.world import World
+from s2a.tasks.state import World
 
 
 @dataclass(frozen=True)

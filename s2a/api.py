@@ -29,7 +29,7 @@ from s2a.scene.scene import Scene
 if TYPE_CHECKING:
     from s2a.certify.check import ValidationReport
     from s2a.language.insert.batch import Insertion
-    from s2a.tasks.vector_env import TaskVectorEnv
+    from s2a.tasks.env import TaskVectorEnv
 
 File = str | PathLike[str]
 
@@ -182,9 +182,9 @@ def make(
         InputError: an unknown task, part or setting; not a simulation-ready room; a part of an index.
     """
     with errors.required():
-        from s2a.tasks import vector_env
+        from s2a import tasks
 
-        return vector_env.make(task, Path(room), part, num_envs, device, seed, list(overrides))
+        return tasks.make(task, Path(room), part, num_envs, device, seed, overrides)
 
 
 def _load(cls: type[Any], command: str, given: dict[str, Any], overrides: Sequence[str]) -> Any:

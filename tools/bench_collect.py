@@ -60,7 +60,7 @@ def measured(settings: Config, folder: Path) -> dict:
     from s2a.commands.collect import begin, format_of
     from s2a.core.provenance import provenance
     from s2a.learn.collect.video import SLOTS
-    from s2a.sim.views import CAMERAS
+    from s2a.sim.camera import CAMERAS
 
     session = begin(settings)
     env, views, collector = session.env, session.views, session.collector

@@ -29,7 +29,7 @@ from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.ppo import train
 from s2a.learn.rl.run_folder import times
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 from s2a.tasks import make_env

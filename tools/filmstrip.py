@@ -21,7 +21,7 @@ import numpy as np
 from PIL import Image
 
 from s2a.learn.collect.lerobot import CHUNK, IMAGES, VIDEO
-from s2a.sim.views import CAMERAS
+from s2a.sim.camera import CAMERAS
 
 MIN_FPS = 8.0
 """Images a second of the video."""

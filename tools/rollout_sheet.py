@@ -23,8 +23,8 @@ from s2a.core import config
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import run_episodes
 from s2a.learn.rl.policy_file import PolicyFile
+from s2a.sim.camera import Views, ViewsConfig
 from s2a.sim.simulation import Simulation
-from s2a.sim.views import Views, ViewsConfig
 from s2a.tasks import make_env
 
 TIMES = (0.0, 0.2, 0.45, 0.98)

@@ -15,8 +15,7 @@ from PIL import Image
 
 from s2a.core import config
 from s2a.sim.camera import Camera, CameraConfig
-from s2a.sim.soft_body import soft_body
-from s2a.sim.soft_config import SoftConfig
+from s2a.sim.soft_body import SoftConfig, soft_body
 from s2a.sim.world import SimStage, read_stage
 
 

@@ -10,8 +10,7 @@ from s2a.motion.open import opening_path
 from s2a.tasks.base import Instruction, MetricsConfig, PartMdp, Results, Task, terms
 from s2a.tasks.mdp import observations, opening, rewards
 from s2a.tasks.mdp.grasp import is_grasped, opening_of
-from s2a.tasks.mdp.world import World
-from s2a.tasks.state import State, columns, is_sound
+from s2a.tasks.state import State, World, columns, is_sound
 
 OWN = ("steps", "held")
 """Columns of this task alone: control steps for which the part has been held by now; 1 where it was held long enough."""

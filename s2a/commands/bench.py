@@ -18,22 +18,21 @@ from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import Policy, baseline, by_part, run_episodes
-from s2a.learn.perception.estimate import fused, seen_pool
+from s2a.learn.perception.network import fused, seen_pool
 from s2a.learn.rl.policy_file import PolicyFile
 from s2a.learn.rl.ppo import load_policy
 from s2a.learn.rl.run_folder import read_world
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import Demonstration, PlannerConfig
 from s2a.robot.spec import RobotSpec
-from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage
-from s2a.tasks import MdpSettings, MetricSettings, make_env, starts
+from s2a.tasks import MdpSettings, MetricSettings, make_env, pool
 from s2a.tasks.base import MdpConfig
 from s2a.tasks.env import VecEnv
 
 PLANNER, RANDOM = "planner", "random"
-Actor = Callable[[VecEnv, Sequence[starts.Demonstration]], Policy]
+Actor = Callable[[VecEnv, Sequence[Demonstration]], Policy]
 """An environment and the planner's motions of its parts -> the policy that drives it."""
 
 
@@ -92,7 +91,7 @@ def run(config: Config) -> str:
         )
     who, task, act = _actor(config)
     robot.check_unchanged(config.robot)
-    entries, motions = pool.read(config.stage), starts.of_pool(config.stage)
+    entries, motions = pool.read(config.stage), pool.motions(config.stage)
     device, stages = device_of(config.device), pool.stages(config.stage, config.robot.name)
     if config.perception:
         stages = seen_pool(config.stage, stages, config.perception, device)

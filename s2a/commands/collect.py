@@ -14,19 +14,17 @@ from s2a.core.bounds import Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.learn.collect.episode import ABOUT, FILE, Dataset, read, write
-from s2a.learn.collect.episodes import Collector, temporary
+from s2a.learn.collect.episodes import ABOUT, STAGE, Collector, Dataset, read_stage, temporary, write_stage
 from s2a.learn.evaluate import Policy
 from s2a.learn.rl.policy_file import PolicyFile
 from s2a.learn.rl.run_folder import world_json
 from s2a.motion.policy import Planner
 from s2a.scene.usd.stamp import layer_hash
-from s2a.sim import pool
+from s2a.sim.camera import Views, ViewsConfig
 from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
-from s2a.sim.views import Views, ViewsConfig
 from s2a.sim.world import SimStage
-from s2a.tasks import make_env
+from s2a.tasks import make_env, pool
 from s2a.tasks.base import MdpConfig
 from s2a.tasks.env import VecEnv
 
@@ -137,10 +135,10 @@ def format_of(name: Format) -> type[Dataset]:
 
 def _stage(config: Config, task: MdpConfig) -> SimStage:
     """Return the stage of the dataset that is there, or read it, for which some tasks plan."""
-    if not (config.out / FILE).is_file():
+    if not (config.out / STAGE).is_file():
         return config.read_stage()
     robot.check_unchanged(config.robot)
-    stage = read(tasks.task(task.name).Stage, config.stage, config.out)
+    stage = read_stage(tasks.task(task.name).Stage, config.stage, config.out)
     other = {"part": config.part not in (None, stage.target), "also": bool(set(config.also) - set(stage.also))}
     if any(other.values()):
         names = ", ".join(name for name, differs in other.items() if differs)
@@ -164,4 +162,4 @@ def _keep(config: Config, session: Session) -> None:
     made = provenance(session.collector.device)
     with atomic_write(file) as out:
         out.write_text(json.dumps({**about, **made}, indent=1))
-    write(stage, config.out)
+    write_stage(stage, config.out)

@@ -19,28 +19,34 @@ from s2a.core.bounds import Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.learn.evaluate import Agent, Policy, baseline, by_part, run_episodes, summary, warn_of_errors
-from s2a.learn.evaluate_soft import SoftStates, evaluate_soft
+from s2a.learn.evaluate import (
+    Agent,
+    Policy,
+    SoftStates,
+    baseline,
+    by_part,
+    evaluate_soft,
+    run_episodes,
+    summary,
+    warn_of_errors,
+)
 from s2a.learn.perception.depth_camera import DepthCameraConfig
-from s2a.learn.perception.estimate import seen
+from s2a.learn.perception.network import seen
 from s2a.learn.rl.policy_file import PolicyFile, export
 from s2a.learn.rl.ppo import load_model, load_policy
 from s2a.learn.rl.run_folder import read_world
 from s2a.motion.part_base import ready_to_move
 from s2a.motion.policy import Planner
 from s2a.scene.usd import sim_stage
-from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.recorder import LimitUse, Recorder
 from s2a.sim.simulation import Simulation, device_of
-from s2a.sim.soft_body import soft_body
-from s2a.sim.soft_config import SoftConfig
+from s2a.sim.soft_body import SoftConfig, soft_body
 from s2a.sim.world import SimStage
-from s2a.tasks import make_env, starts
+from s2a.tasks import make_env, pool
 from s2a.tasks.base import Task
 from s2a.tasks.env import VecEnv
-from s2a.tasks.soft import NAME, SOFT_TASK, SoftTask, trials
-from s2a.tasks.soft_metrics import COLUMNS, VALUES, SoftMetrics
+from s2a.tasks.soft import COLUMNS, NAME, SOFT_TASK, VALUES, SoftMetrics, SoftTask, trials
 from s2a.view import states
 
 REFUSED = ("also", "checkpoint", "policy", "agent", "perception", "export", "images", "search_base", "recordings")
@@ -156,7 +162,7 @@ def _policy(config: Config, env: VecEnv, file: PolicyFile | None) -> Policy:
         return file.bound(env)
     if config.checkpoint:
         return load_policy(env, config.checkpoint)
-    return Planner(env, config.planner, starts.of_pool(config.stage) if pool.is_index(config.stage) else ())
+    return Planner(env, config.planner, pool.motions(config.stage) if pool.is_index(config.stage) else ())
 
 
 def _who(config: Config) -> str:

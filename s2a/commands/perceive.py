@@ -16,11 +16,10 @@ from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.learn.perception.depth_camera import PartPoints
-from s2a.learn.perception.estimate import Perception, error_table, key_of, of_pool, save
-from s2a.learn.perception.training import NetworkConfig, features, train
+from s2a.learn.perception.network import NetworkConfig, Perception, error_table, features, key_of, of_pool, save, train
 from s2a.robot.spec import RobotSpec
-from s2a.sim import pool
 from s2a.sim.simulation import device_of
+from s2a.tasks import pool
 from s2a.tasks.mdp.seen import truth
 
 

@@ -13,9 +13,7 @@ import torch
 from s2a.core import config as settings
 from s2a.core.bounds import Count
 from s2a.core.errors import InputError
-from s2a.learn.collect import episode
-from s2a.learn.collect.episode import ABOUT, read_replay
-from s2a.learn.collect.episodes import restored
+from s2a.learn.collect.episodes import ABOUT, read_replay, read_stage, restored
 from s2a.learn.rl.run_folder import world_of
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.simulation import Simulation, device_of
@@ -54,7 +52,7 @@ def run(config: Config) -> str:
         raise InputError(
             f"{config.stage} is not the room that {config.dataset} was collected in, or was prepared again"
         )
-    stage = episode.read(task(world[1].name).Stage, config.stage, config.dataset)
+    stage = read_stage(task(world[1].name).Stage, config.stage, config.dataset)
     sim = Simulation([stage], world[0], min(config.num_envs, total), device_of(config.device))
     name = world[1].name
     thresholds: Any = settings.load(task(name).Metrics, settings.compose(f"metrics/{settings.option(name)}")["metrics"])

@@ -18,7 +18,7 @@ from s2a.core.outputs import atomic_write, full_disk_reported
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import rate, warn_of_errors
 from s2a.learn.perception.depth_camera import DepthCameraConfig
-from s2a.learn.perception.estimate import seen
+from s2a.learn.perception.network import seen
 from s2a.learn.rl import config as processes
 from s2a.learn.rl import ppo, run_folder
 from s2a.learn.rl.config import PpoConfig
@@ -28,12 +28,10 @@ from s2a.learn.rl.run_folder import write_world
 from s2a.motion.open import demonstration
 from s2a.motion.policy import TEACHING_BEHIND, TEACHING_GAIN, Planner
 from s2a.motion.trajectory import Demonstration
-from s2a.sim import pool
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage
-from s2a.tasks import RewardWeights, make_env, starts, task
-from s2a.tasks.env import VecEnv
-from s2a.tasks.starts import DemoStarts
+from s2a.tasks import RewardWeights, make_env, pool, task
+from s2a.tasks.env import DemoStarts, VecEnv
 
 METRICS = "metrics.json"
 
@@ -154,7 +152,7 @@ def _start_of(config: Config) -> Path | None:
 def _motions(config: Config, sim: Simulation) -> list[Demonstration]:
     """Return a motion for each stage: those of the pool, or the planner's."""
     if pool.is_index(config.stage):
-        return processes.own_items(starts.of_pool(config.stage))
+        return processes.own_items(pool.motions(config.stage))
     return [demonstration(sim, config.planner, partial(task(config.task.name).tool_path, config=config.task))]
 
 

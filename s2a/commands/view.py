@@ -26,7 +26,7 @@ from s2a.view.page.glb import thinned
 from s2a.view.page.room import PageRoom, hue, read
 
 DATASET = "meta/s2a.json"
-"""By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episode.ABOUT`, which needs the extra "sim")."""
+"""By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episodes.ABOUT`, which needs the extra "sim")."""
 PACKAGE = ".usdz"
 """Ending of a room with all its files in one; a scanning app's package is no room, which opening it says."""
 FILE_FACES = 320_000

@@ -8,12 +8,11 @@ from pathlib import Path
 from s2a import robot, tasks
 from s2a.core.bounds import Count, CountFromZero
 from s2a.core.errors import InputError
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.robot.spec import RobotSpec
-from s2a.sim import pool
 from s2a.sim.simulation import SimConfig
 from s2a.sim.world import SimStage
-from s2a.tasks import MdpSettings, MetricSettings
+from s2a.tasks import MdpSettings, MetricSettings, pool
 
 
 @dataclass(frozen=True)

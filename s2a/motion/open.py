@@ -14,18 +14,16 @@ import numpy as np
 from s2a.core.errors import InputError
 from s2a.motion import trajectory as pull_law
 from s2a.motion.obstacles import Obstacles, moved_room
-from s2a.motion.push import at_rest
 from s2a.motion.search import Search
 from s2a.motion.segments import Along, Grip, Reach, Release, Segment, Straight, Timeline
-from s2a.motion.settings import PlannerConfig
-from s2a.motion.trajectory import Demonstration, Progress, Trajectory, eased, timed
+from s2a.motion.trajectory import Demonstration, PlannerConfig, Progress, Trajectory, eased, timed
 from s2a.motion.workcell import MovingPart, Workcell, lines, noisy_starts
 from s2a.robot.collision import SLACK
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import PathSettings, ToolPath, follow, matrix, opening_coordinate, part_path, straight
 from s2a.robot.urdf import position_limits
-from s2a.scene.articulation import transform
+from s2a.scene.articulation import displace, transform
 from s2a.scene.scene import Joint
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
@@ -42,6 +40,10 @@ MARGIN = 0.002
 """[m] Between a finger and the handle, whose hull may bulge by so much, where an episode starts in the grip."""
 SAME_GOAL = 1e-3
 """[m] By which the goal of a pull law may be off the end of the path."""
+GRAVITY = 9.81
+"""[m/s^2]"""
+TURN = math.radians(0.5)
+"""[rad] Between coordinates at which the weight's moment is looked at."""
 LET_GO = ((1.0, 1.0, 1.0), (1.0, 0.5, 1.0), (1.0, 0.5, 0.8), (0.5, 0.5, 1.0), (1.0, 0.0, 1.0), (0.5, 0.0, 1.0))
 """Fractions of `planner.approach` by which the gripper comes straight to the handle, and draws back from it, and of
 `planner.opening`, tried in this order: bases are for opening what is shut, and an open part may be too near to the robot for
@@ -63,6 +65,38 @@ def closing_path(stage: SimStage, motion: PathSettings, config: Any) -> ToolPath
     if stage.push is not None:
         return replace(part_path(stage.joint, stage.push, motion.approach, 0.0, start=start), pushes=True)
     return part_path(stage.joint, stage.grasp, motion.approach, 0.0, motion.depth, start)
+
+
+def at_rest(stage: SimStage, coordinate: float) -> float:
+    """Return the coordinate [m] or [rad] at which a stage's part comes to rest that is let go at one.
+
+    It moves where its weight exceeds its dry friction, until that holds it, or to the end of its range. What else draws it,
+    such as a spring, is not known here; nor does momentum carry it past its rest.
+    """
+    joint, part = stage.joint, stage.room.articulations[stage.target]
+    friction = part.friction + (part.resistance.breakaway if part.resistance else 0.0)
+    if joint.kind == "prismatic":
+        force = -_weight(stage) * joint.axis[2]
+        return coordinate if abs(force) <= friction else joint.limits[int(force > 0.0)]
+    sense = math.copysign(1.0, _moment(stage, coordinate))
+    while sense * _moment(stage, coordinate) > friction:
+        following = coordinate + sense * TURN
+        if not joint.limits[0] < following < joint.limits[1]:
+            return joint.limits[int(sense > 0.0)]
+        coordinate = following
+    return coordinate
+
+
+def _weight(stage: SimStage) -> float:
+    """Return the weight of a stage's part [N]."""
+    return GRAVITY * stage.room.bodies[stage.target].mass.mass
+
+
+def _moment(stage: SimStage, coordinate: float) -> float:
+    """Return the moment of the weight of a hinged part about its axis at a coordinate [N m]."""
+    center = displace(np.array([stage.room.bodies[stage.target].mass.center]), stage.joint, coordinate)[0]
+    arm = np.cross(stage.joint.axis, center - np.array(stage.joint.origin))
+    return -_weight(stage) * float(arm[2])
 
 
 def segments(

@@ -18,15 +18,14 @@ from s2a.motion.pick_plan import LIFT, PickPlan, PickTask, plan_pick
 from s2a.motion.places import first_planned, free_object, place_poses, scanned
 from s2a.motion.search import Unreachable
 from s2a.motion.segments import SETTLE, Carry, Grip, Reach, Release, Segment, Straight, Timeline, Wait
-from s2a.motion.settings import PlannerConfig
-from s2a.motion.trajectory import Anchor, Retry, Trajectory
+from s2a.motion.trajectory import Anchor, PlannerConfig, Retry, Trajectory
 from s2a.robot.spec import JointLimits, RobotSpec
 from s2a.robot.tool_path import matrix
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Joint
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, SimRoom
-from s2a.sim.nearby import Workspace
+from s2a.sim.room import Workspace
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 

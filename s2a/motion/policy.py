@@ -23,8 +23,16 @@ from s2a.motion.correction import (
     target_in_tool,
 )
 from s2a.motion.open import plan
-from s2a.motion.settings import PlannerConfig
-from s2a.motion.trajectory import Anchor, Demonstration, Trajectory, eased, limit_fractions, padded, reach_steps
+from s2a.motion.trajectory import (
+    Anchor,
+    Demonstration,
+    PlannerConfig,
+    Trajectory,
+    eased,
+    limit_fractions,
+    padded,
+    reach_steps,
+)
 from s2a.robot.spec import JointLimits
 from s2a.sim.simulation import Simulation
 

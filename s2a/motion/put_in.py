@@ -19,8 +19,7 @@ from s2a.motion.pick_plan import BASES, IK_SEEDS, PickPlan, PickTask, plan_pick
 from s2a.motion.places import Inside, first_planned, free_object, inside_placements, place_poses
 from s2a.motion.search import Follow, Search, Stand, Unreachable, around, chunks
 from s2a.motion.segments import Along, Grip, Reach, Release, Segment, Straight, Timeline
-from s2a.motion.settings import PlannerConfig
-from s2a.motion.trajectory import Anchor, Trajectory
+from s2a.motion.trajectory import Anchor, PlannerConfig, Trajectory
 from s2a.motion.workcell import Workcell
 from s2a.robot.collision import Penetration
 from s2a.robot.spec import RobotSpec
@@ -29,7 +28,7 @@ from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, SimRoom
-from s2a.sim.nearby import Workspace
+from s2a.sim.room import Workspace
 from s2a.sim.simulation import Simulation
 
 PLACEMENTS = 4

@@ -1,4 +1,4 @@
-"""Joint targets in time, within the limits of the robot."""
+"""The planner's settings, and joint targets in time, within the limits of the robot."""
 
 from __future__ import annotations
 
@@ -12,8 +12,41 @@ from typing import Literal
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from s2a.core.bounds import Count, CountFromZero, NotNegative, Positive
 from s2a.core.errors import InputError
 from s2a.robot.spec import GripperSpec, JointLimits
+
+
+@dataclass(frozen=True)
+class PlannerConfig:
+    """The motion in numbers; times are minima, which a limit of the robot may extend.
+
+    Attributes:
+        ik_seeds: starts of the inverse kinematics; each is followed along the whole tool path.
+        approach: distance from which the gripper moves straight to a grasp, and back from it [m].
+        depth: how far the pads reach past the grasp point, into the furniture [m].
+        opening: path of the grasp point [m]; less where the joint ends earlier.
+        start_noise: how far an episode may start from the home position [rad]; for the time of the first motion.
+        reach_time: to the point of approach, and between others [s].
+        approach_time: from there to the grasp [s].
+        close_time: for the fingers to close [s].
+        pull_time: to move the part along its joint by `opening` [s].
+        pull_law: file of s2a optimize with a time law of that motion, in the place of `pull_time` and the planner's own; or null.
+        seed: of the IK starts.
+    """
+
+    ik_seeds: Count
+    approach: Positive
+    depth: float
+    opening: Positive
+    start_noise: NotNegative
+    reach_time: Positive
+    approach_time: Positive
+    close_time: Positive
+    pull_time: Positive
+    pull_law: Path | None
+    seed: CountFromZero
+
 
 Progress = Callable[[np.ndarray], np.ndarray]
 """Time from 0 to 1 -> how far along a path, 1 at its end; beyond it where above."""

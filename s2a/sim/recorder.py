@@ -1,5 +1,6 @@
 """Recordings of a robot's own sensors, and the utilisation of its limits."""
 
+# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import csv
 from pathlib import Path
 
@@ -9,8 +10,6 @@ import warp as wp
 from s2a.robot.spec import RobotSpec
 from s2a.robot.urdf import position_limits
 from s2a.sim.simulation import Simulation
-
-# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 
 
 class Recorder:

@@ -14,8 +14,8 @@ import warp as wp
 from s2a import robot
 from s2a.core.errors import InputError
 from s2a.core.workers import spread
-from s2a.sim.nearby import Missing, warn
 from s2a.sim.resistance import hooks
+from s2a.sim.room import Missing, warn
 from s2a.sim.solver import IGNORED_OVERFLOWS, Layout, SimConfig, layout, make_solver, vary
 from s2a.sim.world import SimStage, body_index, build_world, empty_world
 

@@ -17,8 +17,7 @@ from s2a.core.errors import InputError
 from s2a.robot.model import add_robot
 from s2a.robot.spec import RobotSpec
 from s2a.scene.scene import Mesh
-from s2a.sim.soft_body import SoftBody
-from s2a.sim.soft_config import SoftConfig
+from s2a.sim.soft_body import SoftBody, SoftConfig
 
 RATE = 60
 """[1/s] Control steps."""

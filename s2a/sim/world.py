@@ -20,8 +20,17 @@ from s2a.scene.articulation import lever_arm, travel
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
-from s2a.sim.nearby import Missing, Workspace, warn
-from s2a.sim.room import add_pedestal, add_room, kept_bodies, open_physics, pedestal, workspace
+from s2a.sim.room import (
+    Missing,
+    Workspace,
+    add_pedestal,
+    add_room,
+    kept_bodies,
+    open_physics,
+    pedestal,
+    warn,
+    workspace,
+)
 
 SURFACE = 3e4
 """[N/m] Stiffness of what lies free at a point of contact. Ten times as much made a bottle of 170 g tremble between the pads,

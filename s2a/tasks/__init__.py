@@ -13,13 +13,14 @@ from typing import Annotated, Any
 
 from s2a.core import config
 from s2a.core.errors import InputError
+from s2a.motion.trajectory import PlannerConfig
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT
-from s2a.sim import pool
-from s2a.sim.simulation import Simulation
+from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage
+from s2a.tasks import pool
 from s2a.tasks.base import MdpConfig, Task, meanings
-from s2a.tasks.env import VecEnv
+from s2a.tasks.env import TaskVectorEnv, VecEnv
 
 
 def names() -> list[str]:
@@ -97,3 +98,24 @@ def read_stages(
     if part or also:
         raise InputError(f"keys 'part' and 'also' choose from a room; {path} has the parts of a pool: leave them out")
     return pool.stages(path, robot or DEFAULT_ROBOT)
+
+
+def make(
+    name: str,
+    room: str | Path,
+    part: str | None = None,
+    num_envs: int = 1024,
+    device: str = "auto",
+    seed: int = 0,
+    overrides: Sequence[str] = (),
+) -> TaskVectorEnv:
+    """Return a task in worlds of a simulation-ready room, or of the parts of many; arguments as of `s2a.api.make`."""
+    kind = task(name)
+    values = config.compose("train", [f"task={name}", "stage=-", "out=-", *overrides])
+    mdp = config.load(kind.Config, values["task"])
+    metrics: Any = config.load(kind.Metrics, values["metrics"])
+    is_named = any(each.startswith("robot=") for each in overrides)  # else the one that the room was prepared for
+    motion, robot = config.load(PlannerConfig, values["planner"]), values["robot"]["name"] if is_named else None
+    stages = read_stages(kind, Path(room), part, robot, (), mdp, motion)
+    sim = Simulation(stages, config.load(SimConfig, values["sim"]), num_envs, device_of(device))
+    return TaskVectorEnv(make_env(sim, mdp, metrics, values["reward"], seed, final_observation=True))

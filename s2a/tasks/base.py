@@ -21,8 +21,7 @@ from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.kernels import observation_kernel, result_kernel
 from s2a.tasks.mdp import binding, seen
 from s2a.tasks.mdp.grasp import clear_contacts, keep_region_force
-from s2a.tasks.mdp.world import PERSISTENT
-from s2a.tasks.state import State
+from s2a.tasks.state import PERSISTENT, State
 
 Terms = Mapping[str, wp.Function]
 """Warp functions of (State, World, world) by name."""

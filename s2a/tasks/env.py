@@ -7,23 +7,42 @@ counts; the reset of these worlds; observations. Nothing is allocated and nothin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import newton
 import numpy as np
 import torch
 import warp as wp
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
 
 from s2a.core.errors import InputError
 from s2a.motion.trajectory import Demonstration, padded
 from s2a.sim.simulation import Simulation
 from s2a.tasks import kernels
 from s2a.tasks.base import Task, weights_of
-from s2a.tasks.starts import DemoStarts, reset
 from s2a.tasks.state import ERRORS, allocate
 
 FINGER_TIME = 0.05
 """[s] In which a finger reaches its speed; no maker says."""
+
+
+@dataclass(frozen=True)
+class DemoStarts:
+    """How many episodes start on a demonstration.
+
+    Attributes:
+        demonstrations: one a stage.
+        fraction: of the episodes that start on it.
+        moved_fraction: of these, the fraction that starts where the part is already moved; they are not counted.
+    """
+
+    demonstrations: Sequence[Demonstration]
+    fraction: float
+    moved_fraction: float
 
 
 class VecEnv:
@@ -182,7 +201,7 @@ class VecEnv:
     def _reset_and_observe(self) -> None:
         """Reset the worlds that are done, then write every world's observation."""
         sim = self.sim
-        self._launch(reset, self.state, self._motion, self._world_mask, self._articulation_mask)
+        self._launch(kernels.reset, self.state, self._motion, self._world_mask, self._articulation_mask)
         self.task.reset(self.state)
         # Clears warm starts and forces; the coordinates were just written (flags=0 leaves them alone).
         sim.solver.reset(sim.state, world_mask=self._world_mask, flags=0)
@@ -247,3 +266,65 @@ def _action_step(m: kernels.Motion, sim: Simulation) -> torch.Tensor:
     if m.limited:
         return wp.to_torch(m.velocity) * sim.config.control_dt
     return torch.tensor([m.step] * arm + [m.finger_step] * fingers, device=sim.device)
+
+
+class TaskVectorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
+    """Worlds of a task; observations, rewards and flags are tensors on the simulation's device.
+
+    A world whose episode ends is reset within the step that ends it (AutoresetMode.SAME_STEP): the returned observation is the
+    first of its next episode, and `info["final_obs"]` [world observation] holds the last one of the old episode where
+    `info["_final_obs"]` [world] is true. `info["episode"]` holds the task's metrics of these episodes by name, shape [world].
+    Of a termination and a truncation in the same step the termination counts. `unwrapped.worlds` is the `VecEnv` itself.
+    """
+
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+
+    def __init__(self, worlds: VecEnv) -> None:
+        """Wrap an environment that keeps final observations."""
+        self.worlds, self.num_envs = worlds, worlds.num_envs
+        self.single_action_space = Box(-1.0, 1.0, (worlds.num_actions,), np.float32)
+        self.single_observation_space = Box(-np.inf, np.inf, (worlds.task.observations,), np.float32)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+
+    @property
+    def device(self) -> str:
+        """Where all tensors are."""
+        return self.worlds.sim.device
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[torch.Tensor, dict[str, Any]]:
+        """Start a new episode in every world; return observations [world observation] and an empty info.
+
+        Args:
+            seed: of the start noise of all worlds; None: the random streams go on. A list's first entry counts.
+            options: none are known.
+
+        Raises:
+            InputError: options were given.
+        """
+        if options:
+            raise InputError(f"reset options {options!r} are unknown; there are none")
+        first = seed[0] if isinstance(seed, list) else seed
+        self.worlds.reset_all(None if first is None else int(first))
+        return self.worlds.observation.clone(), {}
+
+    def step(
+        self, actions: torch.Tensor | np.ndarray
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, dict[str, Any]]:
+        """Apply actions [world action] in [-1, 1] for one control step.
+
+        Returns:
+            Observations [world observation], rewards [world], terminated [world], truncated [world], info.
+        """
+        worlds = self.worlds
+        worlds.step(torch.as_tensor(actions, dtype=torch.float32, device=self.device))
+        done, truncated = worlds.done.bool(), worlds.time_out.bool()
+        info = {
+            "final_obs": worlds.final_observation.clone(),
+            "_final_obs": done,
+            "episode": dict(zip(worlds.columns, worlds.result.clone().unbind(1), strict=True)),
+            "_episode": done,
+        }
+        return worlds.observation.clone(), worlds.reward.clone(), done & ~truncated, truncated, info

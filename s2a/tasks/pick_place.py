@@ -18,8 +18,7 @@ from s2a.sim.world import SimStage
 from s2a.tasks.base import Instruction, MdpConfig, MetricsConfig, Results, Task, Terms, terms
 from s2a.tasks.mdp import carrying, observations, rewards
 from s2a.tasks.mdp.binding import surface, watch_others
-from s2a.tasks.mdp.world import ObjectPlace
-from s2a.tasks.state import State
+from s2a.tasks.state import ObjectPlace, State
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from s2a import robot
 from s2a.core.cache import UNREADABLE
 from s2a.core.errors import InputError
-from s2a.learn.collect.episode import ABOUT, FILE
+from s2a.learn.collect.episodes import ABOUT, STAGE
 from s2a.robot.model import add_robot
 from s2a.robot.tool_path import matrices
 from s2a.scene.geometry.mesh_ops import merge, painted
@@ -190,7 +190,7 @@ def read_demonstrations(root: Path, first: int, count: int) -> States:
         InputError: another folder or format, or no such episode.
     """
     try:
-        about, info, stage = (json.loads((root / name).read_text()) for name in (ABOUT, INFO, FILE))
+        about, info, stage = (json.loads((root / name).read_text()) for name in (ABOUT, INFO, STAGE))
         total = int(info["total_episodes"])
         chosen = range(first, min(first + count, total))
         if not chosen:

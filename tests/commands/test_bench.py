@@ -15,13 +15,11 @@ from s2a import robot
 from s2a.commands import bench, cli
 from s2a.core import config
 from s2a.motion.open import demonstration, opening_path
-from s2a.motion.settings import PlannerConfig
-from s2a.motion.trajectory import Demonstration
+from s2a.motion.trajectory import Demonstration, PlannerConfig
 from s2a.scene.scene import Joint
-from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks import starts
+from s2a.tasks import pool
 
 HINGE = Joint("revolute", (0.0, 0.0, 1.0), (HANDLE[0] - 0.02, 0.37, 0.7), (0.0, 1.2))
 QUICK = ["device=cpu", "episodes=2", "steps=3"]
@@ -34,7 +32,7 @@ def index(tmp_path_factory: pytest.TempPathFactory) -> Path:
     entries = []
     for name, joint in (("a_0", None), ("b_0", HINGE), ("b_1", None)):
         write_cabinet(folder / f"{name}.usda", joint=joint)
-        starts.save(still, folder / f"{name}.npz")
+        pool.save_motion(still, folder / f"{name}.npz")
         kind = "revolute" if joint else "prismatic"
         entries.append(pool.PoolPart(f"{name}.usda", "drawer_2", kind, "bar", f"{name}.npz"))
     pool.write(folder / "pool.json", entries, {}, {})
@@ -100,7 +98,7 @@ def test_the_planner_opens_what_it_has_a_motion_for(tmp_path: Path) -> None:
     write_cabinet(tmp_path / "a_0.usda")
     sim = Simulation(read_stage(tmp_path / "a_0.usda"), load(SimConfig, "sim/varied"), 1)
     motion = demonstration(sim, load(PlannerConfig, "planner/default"), lambda stage, path: opening_path(stage, path))
-    starts.save(motion, tmp_path / "a.npz")
+    pool.save_motion(motion, tmp_path / "a.npz")
     pool.write(tmp_path / "pool.json", [pool.PoolPart("a_0.usda", "drawer_2", "prismatic", "bar", "a.npz")], {}, {})
     out = tmp_path / "planner.json"
     keys = [f"stage={tmp_path / 'pool.json'}", "policy=planner", "device=cpu", "episodes=2", f"out={out}"]

@@ -14,10 +14,10 @@ from settings import load
 from s2a.commands import cli
 from s2a.learn.perception import depth_camera
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
-from s2a.learn.perception.estimate import read_estimates
+from s2a.learn.perception.network import read_estimates
 from s2a.scene.usd import sim_stage
-from s2a.sim import pool
 from s2a.sim.world import read_stage
+from s2a.tasks import pool
 from s2a.tasks.mdp.seen import NUMBERS
 
 SMALL = ["network.steps=4", "network.batch=4", "network.points=64", "network.width=16", "folds=2", "device=cpu"]

@@ -15,7 +15,7 @@ from s2a.core.errors import InputError
 from s2a.homes.commands import pool as pool_command
 from s2a.homes.commands.pool import Config, is_taken, rooms_of
 from s2a.scene.scene import Joint
-from s2a.sim import pool
+from s2a.tasks import pool
 
 HINGE = Joint("revolute", (0.0, 0.0, 1.0), (HANDLE[0] - 0.02, 0.37, 0.7), (0.0, 1.2))
 SMALL = ["device=cpu", "num_envs=4", "ppo.iterations=1", "ppo.num_steps_per_env=4", "ppo.num_mini_batches=1"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from s2a.learn.evaluate import by_part, interval
-from s2a.sim.pool import PoolPart
+from s2a.tasks.pool import PoolPart
 
 PARTS = [
     PoolPart("kitchen_0.usd", "drawer_1", "prismatic", "bar", "a.npz"),

@@ -19,8 +19,7 @@ from s2a.learn.evaluate import evaluate
 from s2a.motion import trajectory
 from s2a.motion.open import opening_path, planned_path
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
-from s2a.motion.trajectory import PullLaw, eased
+from s2a.motion.trajectory import PlannerConfig, PullLaw, eased
 from s2a.scene.scene import Joint
 
 GOAL, SECONDS = 0.3, 1.0

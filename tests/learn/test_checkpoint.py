@@ -15,9 +15,8 @@ from settings import load
 from s2a.core.errors import InputError
 from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import PpoConfig
-from s2a.learn.rl.ppo import load_policy, make_runner, train
+from s2a.learn.rl.ppo import Runner, load_policy, make_runner, train
 from s2a.learn.rl.run_folder import BEST, latest
-from s2a.learn.rl.runner import Runner
 
 SMALL = {"num_steps_per_env": 8, "iterations": 1, "num_learning_epochs": 1, "num_mini_batches": 2, "hidden_dims": [16]}
 

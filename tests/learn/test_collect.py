@@ -12,7 +12,7 @@ from cabinet import write_cabinet
 
 from s2a import robot
 from s2a.commands import cli
-from s2a.learn.collect.episode import REPLAY
+from s2a.learn.collect.episodes import REPLAY
 
 QUICK = ["device=cpu", "num_envs=2", "every=20", "views.width=32", "views.height=32"]
 

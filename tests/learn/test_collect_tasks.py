@@ -13,7 +13,7 @@ from cabinet import free_cube, write_cabinet
 from drawer_room import FLOOR, drawer_room
 
 from s2a.commands import cli
-from s2a.learn.collect.episode import read, write
+from s2a.learn.collect.episodes import read_stage, write_stage
 from s2a.motion.correction import Correction, lead_object
 from s2a.motion.policy import Planner
 from s2a.motion.put_in import PutStage
@@ -74,10 +74,10 @@ def test_the_grasp_moves_with_the_object(picked: tuple[Path, Path]) -> None:
 
     from s2a import tasks
     from s2a.motion.pick import PickStage
-    from s2a.motion.settings import PlannerConfig
+    from s2a.motion.trajectory import PlannerConfig
     from s2a.sim.simulation import SimConfig, Simulation
 
-    stage = read(PickStage, picked[0], picked[1])
+    stage = read_stage(PickStage, picked[0], picked[1])
     sim = Simulation(stage, load(SimConfig, "sim/pick_place"), 2)
     config = load(PickPlaceConfig, "task/pick_place", start_shift=SHIFT, start_turn=TURN)
     env = tasks.make_env(sim, config, load(PickPlaceMetrics, "metrics/pick_place"), {}, 0, graph=False)
@@ -116,8 +116,8 @@ def test_a_stage_comes_back_from_its_file(tmp_path: Path) -> None:
         start=random.random(7), goal=put.goal, plan=pick, part="drawer_2", opened=0.3, put=put,
     )  # fmt: skip
     for known in (stage, replace(stage, plan=replace(pick, again=None))):
-        write(known, tmp_path / "set")
-        assert_alike(known, read(PutStage, tmp_path / "sim.usda", tmp_path / "set"))
+        write_stage(known, tmp_path / "set")
+        assert_alike(known, read_stage(PutStage, tmp_path / "sim.usda", tmp_path / "set"))
 
 
 def assert_alike(one: object, other: object) -> None:

@@ -16,8 +16,7 @@ from s2a.core.errors import InputError
 from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.cuda_graph_ppo import GraphPpo
-from s2a.learn.rl.ppo import make_runner
-from s2a.learn.rl.runner import Runner
+from s2a.learn.rl.ppo import Runner, make_runner
 
 SMALL = {
     "num_steps_per_env": 8,

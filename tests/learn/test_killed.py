@@ -15,8 +15,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from s2a.learn.collect.episode import ABOUT, UNFINISHED, Dataset, Episode, Features, read_replay
-from s2a.learn.collect.episodes import temporary
+from s2a.learn.collect.episodes import ABOUT, UNFINISHED, Dataset, Episode, Features, read_replay, temporary
 from s2a.learn.collect.lerobot import IMAGES, LOSSLESS, LeRobot
 from s2a.learn.collect.robomimic import INDEX, Robomimic
 

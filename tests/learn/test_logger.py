@@ -9,7 +9,7 @@ from rsl_rl.utils.logger import Logger
 from settings import load
 
 from s2a.learn.rl.config import PpoConfig, rsl_rl_settings
-from s2a.learn.rl.runner import LazyLogger
+from s2a.learn.rl.ppo import LazyLogger
 
 WORLDS, STEPS, ITERATIONS = 5, 7, 3
 

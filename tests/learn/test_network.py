@@ -11,9 +11,9 @@ import torch
 from settings import load
 
 from s2a.core.errors import InputError
-from s2a.learn.perception import estimate
+from s2a.learn.perception import network as estimate
 from s2a.learn.perception.depth_camera import PartPoints
-from s2a.learn.perception.training import NetworkConfig, PartNetwork, augmented, features, loss, train
+from s2a.learn.perception.network import NetworkConfig, PartNetwork, augmented, features, loss, train
 from s2a.tasks.mdp.seen import NUMBERS, SIDEWAYS
 
 HINGE = torch.tensor(

@@ -15,9 +15,8 @@ from settings import load
 from s2a.core.errors import InputError
 from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.policy_file import PRETRAINED, PolicyFile, export, forget_source, weights
-from s2a.learn.rl.ppo import load_model, load_policy, train
+from s2a.learn.rl.ppo import load_model, load_policy, train, widened
 from s2a.learn.rl.run_folder import FILE, write_world
-from s2a.learn.rl.runner import widened
 from s2a.sim.simulation import SimConfig
 from s2a.tasks.base import MdpConfig
 from s2a.tasks.open_part import OpenPartConfig

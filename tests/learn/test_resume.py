@@ -23,8 +23,7 @@ from s2a.core.errors import InputError
 from s2a.learn.rl import run_folder
 from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import PpoConfig
-from s2a.learn.rl.ppo import make_runner, train
-from s2a.learn.rl.runner import Runner
+from s2a.learn.rl.ppo import Runner, make_runner, train
 
 SMALL = {
     "num_steps_per_env": 8,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from s2a.core.errors import InputError
-from s2a.learn.collect.episode import Episode, Features, read_replay
+from s2a.learn.collect.episodes import Episode, Features, read_replay
 from s2a.learn.collect.robomimic import INDEX, Robomimic
 from s2a.learn.collect.video import DeflatedImages
 

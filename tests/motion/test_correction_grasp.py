@@ -15,8 +15,7 @@ from s2a import tasks
 from s2a.learn.evaluate import evaluate
 from s2a.motion.correction import Correction, lead_grasp
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
-from s2a.motion.trajectory import Anchor
+from s2a.motion.trajectory import Anchor, PlannerConfig
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
 from s2a.sim.simulation import SimConfig, Simulation

@@ -10,8 +10,7 @@ from settings import load
 
 from s2a.motion import put_in
 from s2a.motion.correction import Correction, TrackedPart, lead_handle, lead_held
-from s2a.motion.settings import PlannerConfig
-from s2a.motion.trajectory import Trajectory
+from s2a.motion.trajectory import PlannerConfig, Trajectory
 from s2a.robot.kinematics import kinematics
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import axis_of

@@ -12,7 +12,7 @@ from settings import load
 
 from s2a import robot
 from s2a.motion.open import joint_paths, most_clear, opening_path, plan_letting_go, reach_around, room_around
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.motion.workcell import Workcell
 from s2a.robot.collision import robot_shape
 from s2a.robot.kinematics import kinematics

@@ -14,7 +14,7 @@ from s2a import robot
 from s2a.motion.open import opening_path
 from s2a.motion.part_base import with_base
 from s2a.motion.search import Unreachable
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import ToolPath, follow, matrices
 from s2a.scene.geometry import convex

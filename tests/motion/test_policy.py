@@ -18,11 +18,10 @@ from s2a.core.errors import InputError
 from s2a.learn.evaluate import evaluate
 from s2a.motion.open import demonstration, opening_path
 from s2a.motion.policy import TEACHING_BEHIND, TEACHING_GAIN, Planner
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks.env import VecEnv
-from s2a.tasks.starts import DemoStarts
+from s2a.tasks.env import DemoStarts, VecEnv
 
 
 def planner_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> VecEnv:

@@ -15,11 +15,11 @@ from settings import load
 from s2a import robot
 from s2a.learn.evaluate import evaluate
 from s2a.motion.gripper import gripper_boxes
-from s2a.motion.part_base import ready_to_move
+from s2a.motion.open import at_rest
+from s2a.motion.part_base import PRESS, pushes, ready_to_move
 from s2a.motion.policy import Planner
-from s2a.motion.push import PRESS, at_rest, pushes
 from s2a.motion.search import Unreachable
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.robot.tool_path import ToolPath, matrices
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Joint

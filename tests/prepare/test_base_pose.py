@@ -19,7 +19,7 @@ from s2a.motion import search
 from s2a.motion.obstacles import Obstacles
 from s2a.motion.open import joint_paths, opening_path
 from s2a.motion.search import Stand
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.prepare.base_pose import BaseConfig, BasePose, ScannedSurfaces, find_base
 from s2a.prepare.grasp import find_grasp, floor_height
 from s2a.prepare.room import PrepareConfig, prepare

@@ -22,7 +22,7 @@ from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.learn.evaluate import evaluate
 from s2a.motion.open import demonstration, opening_path
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.prepare.grasp import find_grasp, grasp_frame
 from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.geometry.convex import contains

@@ -17,7 +17,7 @@ from settings import load
 
 from s2a.learn.evaluate import evaluate
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.scene.geometry.mesh_ops import keep, normals
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd.sim_scene import Collider

@@ -20,7 +20,7 @@ from s2a.scene.geometry.convex import deepest
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import Base, Collider
-from s2a.sim import nearby
+from s2a.sim.room import MAX_STATIC, Workspace
 from s2a.sim.simulation import SimConfig, Simulation, WorldSettings, build_worlds
 from s2a.sim.world import JointConfig, SimStage, build_world, read_stage
 
@@ -148,7 +148,7 @@ def test_only_so_many_colliders_are_loaded_and_the_rest_is_named(
     sim_stage.write(replace(room, static_colliders=(*others, replace(floor, structure=True))), path)
     with caplog.at_level(logging.WARNING):
         names = static(world(path, "drawer_2"))
-    assert len(names) == nearby.MAX_STATIC + 1
+    assert len(names) == MAX_STATIC + 1
     assert "/scene/static/colliders/room_3_81" in names  # the floor, which no clutter crowds out
     assert "16 colliders within the arm's reach are not loaded" in caplog.text and "room_3" in caplog.text
 
@@ -165,7 +165,7 @@ def test_the_nearest_to_the_path_are_loaded(tmp_path: Path) -> None:
 class PlannedStage(SimStage):
     """A part of a room in which a plan passes the lowest of the boxes."""
 
-    def workspace(self) -> nearby.Workspace:
+    def workspace(self) -> Workspace:
         found = super().workspace()
         return replace(found, points=np.array([[HANDLE[0] + 0.3, 0.3, 0.2]]), planned=True)
 
@@ -183,7 +183,7 @@ def test_what_is_nearest_to_a_plan_comes_before_walls_and_handles_but_for_the_fl
     # Box k is 0.015 k above the plan. The floor, on which things may fall, is left out for none, and takes no other's place.
     assert any(name.endswith("room_3_00") for name in names)
     boxes = sorted(k for name in names if (k := int(name[-2:]) - 2) >= 0)
-    assert len(names) == nearby.MAX_STATIC + 1
+    assert len(names) == MAX_STATIC + 1
     assert boxes == list(range(len(boxes)))
     assert "not loaded" not in caplog.text  # what is left out is 0.9 m off the plan
 
@@ -205,7 +205,7 @@ def test_nothing_takes_the_floor_from_below_a_robot(crowd: str, height: float, t
     for stage in stages:
         names = static(build_world(stage, FREE, 1 / 240))
         assert "/scene/static/colliders/room_3_00" in names
-        assert len(names) == nearby.MAX_STATIC + 1
+        assert len(names) == MAX_STATIC + 1
 
 
 def test_a_ceiling_is_no_floor(tmp_path: Path) -> None:
@@ -214,7 +214,7 @@ def test_a_ceiling_is_no_floor(tmp_path: Path) -> None:
     ceiling = Collider("room_3", box((0.5, 0.0, 2.4), (2.0, 2.0, 0.01)), structure=True)
     sim_stage.write(replace(room, static_colliders=(*room.static_colliders, ceiling)), path)
     names = static(world(path, "drawer_2"))
-    assert len(names) == nearby.MAX_STATIC
+    assert len(names) == MAX_STATIC
     assert "/scene/static/colliders/room_3_82" not in names
 
 
@@ -226,16 +226,16 @@ def test_what_carries_a_free_object_is_loaded_whatever_is_nearer(tmp_path: Path)
     path = write_cabinet(tmp_path / "sim.usda", beside=[*around, shelf], free=[free_cube("cube_9", at, 0.05)])
     names = static(world(path, "drawer_2", "cube_9"))
     assert "/scene/static/colliders/room_3_82" in names
-    assert len(names) == nearby.MAX_STATIC + 1
+    assert len(names) == MAX_STATIC + 1
 
 
 def test_what_many_stages_lack_is_said_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     (tmp_path / "few").mkdir()
     paths = [crowded(tmp_path, 80, 0.008), crowded(tmp_path / "few", 70, 0.008)]
     stages = [read_stage(path, "drawer_2") for path in (*paths, write_cabinet(tmp_path / "none.usda"))]
-    with caplog.at_level(logging.WARNING, logger="s2a.sim.nearby"):
+    with caplog.at_level(logging.WARNING, logger="s2a.sim.room"):
         build_worlds(stages, WorldSettings(load(SimConfig, "sim/paper"), with_robot=False, both_kinds=False))
-    (said,) = [record.getMessage() for record in caplog.records if record.name == "s2a.sim.nearby"]
+    (said,) = [record.getMessage() for record in caplog.records if record.name == "s2a.sim.room"]
     assert "17 colliders" in said and "2 of 3 stages" in said and str(paths[0]) in said
 
 
@@ -244,7 +244,7 @@ def test_what_no_arm_reaches_and_nothing_meets_is_not_loaded_in_silence(
 ) -> None:
     far, beside = box((HANDLE[0] + 0.55, 3.0, 0.5), 3 * (0.1,)), box((HANDLE[0] + 0.3, 0.3, 0.5), 3 * (0.02,))
     path = write_cabinet(tmp_path / "sim.usda", beside=[far, beside])
-    with caplog.at_level(logging.INFO, logger="s2a.sim.nearby"):
+    with caplog.at_level(logging.INFO, logger="s2a.sim.room"):
         names = static(world(path, "drawer_2"))
     # Neither the box in the distance nor the wall behind the cabinet.
     assert [name[-2:] for name in names] == ["00", "03"]

@@ -13,8 +13,7 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.robot.kinematics import kinematics
 from s2a.sim.soft import RATE, SoftSimulation, _world
-from s2a.sim.soft_body import SoftBody, _box, soft_body
-from s2a.sim.soft_config import SoftConfig, SoftShape
+from s2a.sim.soft_body import SoftBody, SoftConfig, SoftShape, _box, soft_body
 
 PANDA = robot.load("panda")
 CONFIG = config.load(SoftConfig, config.compose("soft/bear")["soft"])

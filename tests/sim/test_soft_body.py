@@ -12,8 +12,7 @@ from soft_cube import cube_asset
 
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.sim.soft_body import BEAR, KUHN, SoftBody, read_asset, soft_body, volumes
-from s2a.sim.soft_config import SoftShape
+from s2a.sim.soft_body import BEAR, KUHN, SoftBody, SoftShape, read_asset, soft_body, volumes
 
 SHAPE = SoftShape(length=0.14, cells=15, fill=0.4)
 

@@ -8,8 +8,7 @@ from settings import load
 
 from s2a.sim.simulation import Simulation
 from s2a.tasks.base import MdpConfig, MetricsConfig, Results, Task, terms
-from s2a.tasks.mdp.world import World
-from s2a.tasks.state import State, columns
+from s2a.tasks.state import State, World, columns
 
 HIGH = 0.3
 """Coordinate of the first joint [rad] above its start that ends an episode."""

@@ -17,8 +17,8 @@ from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.env import VecEnv
 from s2a.tasks.mdp.grasp import is_grasped, opening_force
-from s2a.tasks.mdp.world import World
 from s2a.tasks.open_part import OpenPartConfig, OpenPartMetrics
+from s2a.tasks.state import World
 
 RADIUS = 0.3
 """From the hinge to the handle [m], where a test makes the stage a hinge's."""

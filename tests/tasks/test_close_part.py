@@ -11,7 +11,7 @@ from settings import load
 
 from s2a.learn.evaluate import evaluate
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 
 
 @pytest.mark.slow

@@ -17,8 +17,7 @@ from s2a.learn.evaluate import evaluate
 from s2a.motion.trajectory import Demonstration
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
-from s2a.tasks.env import VecEnv
-from s2a.tasks.starts import DemoStarts
+from s2a.tasks.env import DemoStarts, VecEnv
 
 
 @pytest.fixture(scope="module")

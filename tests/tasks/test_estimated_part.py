@@ -15,7 +15,7 @@ from settings import load
 
 from s2a.core.errors import InputError
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.scene.scene import Joint
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.env import VecEnv

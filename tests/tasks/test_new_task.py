@@ -16,10 +16,10 @@ from s2a import robot, tasks
 from s2a.commands import cli, train
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.sim import pool
+from s2a.motion.trajectory import Demonstration
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks import starts
+from s2a.tasks import pool
 from s2a.tasks.env import VecEnv
 from s2a.tasks.open_part import OpenPart
 
@@ -89,8 +89,8 @@ def test_a_sentence_asks_for_it(room: Path, tmp_path: Path) -> None:
 
 def test_it_can_be_benched(room: Path, tmp_path: Path) -> None:
     home = np.array(robot.load("panda").start)
-    motion = starts.Demonstration(np.tile(home, (2, 1)), np.zeros((2, 10)), 1)
-    starts.save(motion, room.with_name("a_0.npz"))
+    motion = Demonstration(np.tile(home, (2, 1)), np.zeros((2, 10)), 1)
+    pool.save_motion(motion, room.with_name("a_0.npz"))
     index = room.with_name("pool.json")
     pool.write(index, [pool.PoolPart("a_0.usda", "drawer_2", "prismatic", "bar", "a_0.npz")], {}, {})
     keys = [f"stage={index}", f"task={EXAMPLE}", "policy=random", f"out={tmp_path / 'o.json'}"]

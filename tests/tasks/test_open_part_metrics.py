@@ -10,7 +10,7 @@ from settings import load
 
 from s2a.learn.evaluate import evaluate, warn_of_errors
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.env import VecEnv
 from s2a.tasks.open_part import OpenPart

@@ -12,7 +12,7 @@ from settings import load
 
 from s2a.learn.evaluate import baseline, evaluate
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.sim.recorder import LimitUse
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage

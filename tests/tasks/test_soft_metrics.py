@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from s2a.core import config
-from s2a.tasks.soft_metrics import SoftEpisode, SoftMetrics, outcome
+from s2a.tasks.soft import SoftEpisode, SoftMetrics, outcome
 
 METRICS = config.load(SoftMetrics, config.compose("soft_metrics/default")["soft_metrics"])
 RATE, GOAL = 60, np.array([0.5, 0.0, 0.2])

@@ -10,13 +10,12 @@ from soft_cube import cube_asset
 
 from s2a import robot
 from s2a.core.errors import InputError
-from s2a.learn.evaluate_soft import _summary
+from s2a.learn.evaluate import _soft_summary
 from s2a.scene.usd.sim_scene import SimRoom
-from s2a.sim.soft_body import SoftBody, soft_body
-from s2a.sim.soft_config import SoftConfig, SoftShape
+from s2a.sim.soft_body import SoftBody, SoftConfig, SoftShape, soft_body
 from s2a.tasks import soft
 from s2a.tasks.pick_place import PickPlaceConfig
-from s2a.tasks.soft_metrics import COLUMNS, SoftMetrics
+from s2a.tasks.soft import COLUMNS, SoftMetrics
 
 SOFT = load(SoftConfig, "soft/bear")
 START = "0.2 0.0 0.9"
@@ -61,7 +60,7 @@ def test_a_trial_without_a_plan_counts_as_failed() -> None:
     """Of two trials one succeeds."""
     done = dict.fromkeys(COLUMNS, True) | {"trial": 1, "limit_use": {"torque": 0.5}}
     values = dict.fromkeys(("position_error", "carried_fraction", "drift", "arm_depth", "grip_force"), 0.1)
-    found = _summary(
+    found = _soft_summary(
         [{"trial": 0, "success": False, "cause": "no plan"}, done | values], load(SoftMetrics, "soft_metrics/default")
     )
     assert found["episodes"] == 2

@@ -16,13 +16,14 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from settings import load
 
+from s2a.api import make
 from s2a.core.errors import InputError
 from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.ppo import train
 from s2a.scene.scene import Joint
-from s2a.sim import pool
-from s2a.sim.pool import PoolPart
-from s2a.tasks.vector_env import TaskVectorEnv, make
+from s2a.tasks import pool
+from s2a.tasks.env import TaskVectorEnv
+from s2a.tasks.pool import PoolPart
 
 HINGE = Joint("revolute", (0.0, 0.0, 1.0), (HANDLE[0] - 0.02, 0.37, 0.7), (0.0, 1.2))
 SHORT = ("task.episode_steps=6",)

@@ -25,14 +25,13 @@ from s2a.homes.sample import RoomKind, SampleConfig, sample
 from s2a.learn.perception import depth_camera as cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
 from s2a.motion.open import demonstration
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import Demonstration, PlannerConfig
 from s2a.prepare.room import ALL, PrepareConfig, prepare
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import sim_stage
-from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage, stage_of
-from s2a.tasks import MdpSettings, starts, task
+from s2a.tasks import MdpSettings, pool, task
 
 
 @dataclass(frozen=True)
@@ -160,7 +159,7 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
                 raise InputError("no base pose is free")
             motion = f"{name}_{part}.npz"
             with atomic_write(config.out / motion) as out:
-                starts.save(_motion(config, file, part), out)
+                pool.save_motion(_motion(config, file, part), out)
         except InputError as error:
             made["left_out"][f"{name}/{part}"] = str(error).removeprefix(f"{file}: ")
             continue
@@ -191,6 +190,6 @@ def _settings(config: Config) -> Any:
     return json.loads(json.dumps(values, default=str))
 
 
-def _motion(config: Config, file: Path, part: str) -> starts.Demonstration:
+def _motion(config: Config, file: Path, part: str) -> Demonstration:
     sim = Simulation(read_stage(file, part, robot=config.robot.name), config.sim, 1)
     return demonstration(sim, config.planner, partial(task(config.task.name).tool_path, config=config.task))

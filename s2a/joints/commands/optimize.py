@@ -13,7 +13,7 @@ from s2a.joints.pull_optimize import Optimum, PullConfig, optimize
 from s2a.joints.pulled import pulled
 from s2a.motion import trajectory
 from s2a.motion.open import planned_path
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.simulation import SimConfig, Simulation

@@ -18,7 +18,7 @@ from s2a.language.do.rules import rules
 from s2a.language.do.run import Result, RoomContext, do
 from s2a.language.llm.ask import UsageLog
 from s2a.language.llm.client import LlmConfig, choose, kind_of
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import descriptive, sim_stage
 from s2a.scene.usd.sim_read import refuse_unphysical

@@ -23,7 +23,7 @@ from s2a.language.do.plan import Skill
 from s2a.motion.obstacles import Obstacles
 from s2a.motion.open import plan_letting_go
 from s2a.motion.policy import Planner
-from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.motion.workcell import Workcell
 from s2a.robot.collision import SLACK
 from s2a.robot.spec import RobotSpec

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 
 from s2a.core.errors import InputError
 from s2a.core.outputs import PART, replace_file
-from s2a.learn.collect.episode import Episode, Features, is_foreign, write_replay
+from s2a.learn.collect.episodes import Episode, Features, is_foreign, write_replay
 from s2a.learn.collect.video import ColourVideo, ImageFile, LosslessVideo
 
 VERSION = "v3.0"
@@ -264,7 +264,7 @@ IMAGES = "observation.images.{camera}"
 
 
 class LeRobot:
-    """See `s2a.learn.collect.episode.Dataset`."""
+    """See `s2a.learn.collect.episodes.Dataset`."""
 
     FILES: ClassVar[Mapping[str, type[ImageFile]]] = {
         "image": ColourVideo,

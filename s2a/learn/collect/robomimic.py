@@ -17,7 +17,7 @@ import numpy as np
 
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.learn.collect.episode import Episode, Features, is_foreign, write_replay
+from s2a.learn.collect.episodes import Episode, Features, is_foreign, write_replay
 from s2a.learn.collect.video import LEVEL, DeflatedImages, ImageFile, Images
 
 INDEX = "demos.hdf5"
@@ -31,7 +31,7 @@ HELD_OUT = 10
 
 
 class Robomimic:
-    """See `s2a.learn.collect.episode.Dataset`."""
+    """See `s2a.learn.collect.episodes.Dataset`."""
 
     FILES: ClassVar[Mapping[str, type[ImageFile]]] = dict.fromkeys(NAMES, DeflatedImages)
 

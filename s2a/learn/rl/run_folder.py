@@ -22,8 +22,8 @@ from s2a.core.config import leaves, load
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.scene.usd.stamp import layer_hash
-from s2a.sim import pool
 from s2a.sim.simulation import SimConfig
+from s2a.tasks import pool
 from s2a.tasks.base import MdpConfig
 
 SETTINGS = "settings.json"

@@ -16,7 +16,7 @@ from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 from s2a.tasks.mdp.seen import of_vector
-from s2a.tasks.mdp.world import CARRIED, GRASPED, OPENED, EstimatedPart, Numbers, TaskTarget, World
+from s2a.tasks.state import CARRIED, GRASPED, OPENED, EstimatedPart, Numbers, TaskTarget, World
 
 SHORTEST_ARM = 0.05
 """[m] Shorter lever arms of a hinge are not observed."""

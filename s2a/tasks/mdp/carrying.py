@@ -8,8 +8,7 @@ container. Results are Warp functions (State, World, world) -> float, of an epis
 import warp as wp
 
 from s2a.tasks.mdp.grasp import is_grasped, tool_point
-from s2a.tasks.mdp.world import Carried, World
-from s2a.tasks.state import State, is_sound
+from s2a.tasks.state import Carried, State, World, is_sound
 
 wp.set_module_options({"enable_backward": False})  # half the time to compile
 

@@ -9,8 +9,7 @@ horizontal bar), moving with the part; of a free object that of its body. The op
 import warp as wp
 
 from s2a.sim.contacts import PartContacts
-from s2a.tasks.mdp.world import Carried, TaskTarget, World
-from s2a.tasks.state import State
+from s2a.tasks.state import Carried, State, TaskTarget, World
 
 wp.set_module_options({"enable_backward": False})  # half the time to compile
 

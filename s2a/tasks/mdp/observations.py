@@ -8,8 +8,7 @@ import warp as wp
 
 from s2a.tasks.mdp.grasp import frames, is_grasped, tool_point
 from s2a.tasks.mdp.seen import seen_part
-from s2a.tasks.mdp.world import Grasped, World
-from s2a.tasks.state import State, finger_position, sense
+from s2a.tasks.state import Grasped, State, World, finger_position, sense
 
 FINE_LENGTH = wp.constant(0.02)
 """[m] Observed as 1 by `fine_point`; from FINE_LIMIT of it on it tells the direction alone."""

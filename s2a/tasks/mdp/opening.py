@@ -9,8 +9,7 @@ outvote a fling. See docs/metrics.md. Results are Warp functions (State, World, 
 import warp as wp
 
 from s2a.tasks.mdp.grasp import is_grasped, opening_at, opening_of, opening_speed
-from s2a.tasks.mdp.world import Limit, Opened, World
-from s2a.tasks.state import State, is_sound
+from s2a.tasks.state import Limit, Opened, State, World, is_sound
 
 wp.set_module_options({"enable_backward": False})  # half the time to compile
 

@@ -9,8 +9,7 @@ import warp as wp
 
 from s2a.tasks.mdp.carrying import place_error
 from s2a.tasks.mdp.grasp import firmness, frames, opening_at, opening_of, tool_distance
-from s2a.tasks.mdp.world import Carried, Grasped, World
-from s2a.tasks.state import State, finger_position
+from s2a.tasks.state import Carried, Grasped, State, World, finger_position
 
 wp.set_module_options({"enable_backward": False})  # half the time to compile
 

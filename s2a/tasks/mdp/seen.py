@@ -1,5 +1,6 @@
 """The part as a policy sees it: the truth, the truth with an error of the grasp, or an estimate that its own motion tracks."""
 
+# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,7 @@ from s2a.robot.tool_path import matrices
 from s2a.scene.articulation import opening_direction, opening_sign
 from s2a.sim.world import SimStage
 from s2a.tasks.mdp.grasp import frames, opening_of
-from s2a.tasks.mdp.world import EstimatedPart, World
-from s2a.tasks.state import State, finger_position, sense
+from s2a.tasks.state import EstimatedPart, State, World, finger_position, sense
 
 NUMBERS = 21
 """Length of a description as a vector."""
@@ -76,9 +76,6 @@ def truth(stage: SimStage) -> Description:
         lever_arm=0.0 if slides else stage.lever_arm,
         travel=stage.travel,
     )
-
-
-# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 
 
 wp.set_module_options({"enable_backward": False})  # half the time to compile

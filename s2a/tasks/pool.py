@@ -7,8 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
+from s2a.core.cache import UNREADABLE
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
+from s2a.motion.trajectory import Demonstration
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.world import SimStage, stage_of
@@ -75,3 +79,27 @@ def stages(path: Path, robot: str) -> list[SimStage]:
         refuse_unphysical(path.parent / room)
     read_rooms = {room: sim_stage.read(path.parent / room, visuals=False) for room in rooms}
     return [stage_of(path.parent / each.room, read_rooms[each.room], each.part, robot=robot) for each in entries]
+
+
+def save_motion(motion: Demonstration, path: Path) -> None:
+    """Write a motion as an npz file."""
+    np.savez_compressed(
+        path,
+        targets=motion.targets.astype(np.float32),
+        positions=motion.positions.astype(np.float32),
+        grasped=motion.grasped,
+    )
+
+
+def load_motion(path: Path) -> Demonstration:
+    """Read a motion that `save` wrote; InputError where the file is none."""
+    try:
+        with np.load(path) as file:
+            return Demonstration(file["targets"], file["positions"], int(file["grasped"]))
+    except UNREADABLE as error:
+        raise InputError(f"{path}: not a motion of s2a pool ({error}); make the pool again") from error
+
+
+def motions(index: Path) -> list[Demonstration]:
+    """Return the motions of a pool's parts, in its order; InputError where the index or one of them is damaged."""
+    return [load_motion(index.parent / entry.motion) for entry in read(index)]

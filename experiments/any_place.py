@@ -12,8 +12,8 @@ import numpy as np
 from placement_checks import _blocked, _carried, _free
 from triangle_queries import Obstacles, spread
 
-from s2a.language.insert.wishes.check import met
-from s2a.language.insert.wishes.parse import Relation
+from s2a.language.insert.wish import Relation
+from s2a.language.insert.wish_check import met
 from s2a.scene.scene import Mesh, Scene
 
 STEP, AROUND = 0.03, 1.0

@@ -23,12 +23,12 @@ from insertion_study import METHODS, RESULTS, ROOMS, _insert_settings, _requests
 from triangle_queries import cast, tree
 
 from s2a.core.provenance import provenance
-from s2a.language.insert.attempt import attempt, image_pose
+from s2a.language.client import choose
 from s2a.language.insert.batch import open_room
-from s2a.language.insert.context import Inserted, ObjectRequest
 from s2a.language.insert.describe import RoomState
-from s2a.language.insert.settings import InsertSettings
-from s2a.language.llm.client import choose
+from s2a.language.insert.pipeline import attempt
+from s2a.language.insert.review import image_pose
+from s2a.language.insert.settings import Inserted, InsertSettings, ObjectRequest
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.render import CameraPose, OrbitCamera, render
 from s2a.scene.scene import Mesh

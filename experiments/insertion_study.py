@@ -38,20 +38,18 @@ from rater_images import rater_images
 from scipy.stats import binomtest
 
 from s2a.core import config
-from s2a.core.errors import InputError
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
+from s2a.language.ask import Answer, Model, Request
+from s2a.language.client import choose
 from s2a.language.insert.batch import open_room
-from s2a.language.insert.context import InsertContext, Inserted, ObjectRequest, StabilityCheck
 from s2a.language.insert.describe import RoomState
-from s2a.language.insert.pipeline import insert
-from s2a.language.insert.place.fit import NoRoom, intersects, reaching_into
-from s2a.language.insert.place.supports import nearby
-from s2a.language.insert.settings import InsertSettings
-from s2a.language.insert.stability import drop_check
-from s2a.language.llm.ask import Answer, Model, Request, UsageLog
-from s2a.language.llm.client import choose
-from s2a.language.llm.rules import rules
+from s2a.language.insert.fit import NoRoom, intersects, reaching_into
+from s2a.language.insert.pipeline import Attempt
+from s2a.language.insert.rules import rules
+from s2a.language.insert.settings import Inserted, InsertSettings, ObjectRequest
+from s2a.language.insert.stability import StabilityCheck, drop_check
+from s2a.language.insert.supports import nearby
 from s2a.scene.geometry.mesh_ops import sample
 from s2a.scene.geometry.mesh_query import depth
 from s2a.scene.scene import Mesh
@@ -180,17 +178,16 @@ def _one(
     """Insert an object; return what is measured of it, itself, and the record."""
     if method == "paper":
         model = _own_script(model)
-    usage, record = UsageLog(settings.llm.prices), {"object": request.file.name, "label": request.label}
     check = drop_check(settings.hulls, settings.placement.drop_test)
     # The paper's method does not check stability; ours does, and tries the next candidate.
     checked = check if method == "ours" else lambda *_: {"problem": ""}
-    start, inserted, problem = time.perf_counter(), None, ""
-    try:
-        inserted = insert(InsertContext(room, model, settings.pipeline, checked, usage, record), request)
-    except InputError as error:
-        problem = f"{'no place' if isinstance(error, NoRoom) else 'error'}: {str(error)[:300]}"
+    start, attempt = time.perf_counter(), Attempt(room, request, model, settings, checked)
+    attempt.plan()
+    inserted = attempt.fix()
+    record = attempt.finished()
     said = {"seconds": round(time.perf_counter() - start, 2), "ratio": _ratio(record, size)}
     if inserted is None:
+        problem = f"{'no place' if isinstance(attempt.error, NoRoom) else 'error'}: {record['problem'][:300]}"
         said |= {"problem": problem, **dict.fromkeys(CHECKS, False)}
     else:
         said |= _measured(room, inserted, check)
@@ -201,9 +198,8 @@ def _one(
             "problem": said["fell"],
         }
     said["success"] = all(said[check] for check in CHECKS)
-    total = usage.total()
-    tokens = {key: total[key] for key in ("calls", "prompt_tokens", "completion_tokens")}
-    return said | tokens, inserted, record | {"measured": said, "answers": usage.entries}
+    tokens = {key: record["total"][key] for key in ("calls", "prompt_tokens", "completion_tokens")}
+    return said | tokens, inserted, record | {"object": request.file.name, "measured": said}
 
 
 def _ratio(record: dict, true: float | None) -> float | None:

@@ -31,13 +31,12 @@ from rater_images import rater_image
 from twelve_at_once import CATEGORY, line_of, parser_of, row_of, study_arguments, summary
 
 from s2a.core.provenance import provenance
-from s2a.language.insert.attempt import attempt
+from s2a.language.ask import Model
+from s2a.language.client import choose
 from s2a.language.insert.batch import open_room
-from s2a.language.insert.context import ObjectRequest
 from s2a.language.insert.describe import RoomState
-from s2a.language.insert.settings import InsertSettings
-from s2a.language.llm.ask import Model
-from s2a.language.llm.client import choose
+from s2a.language.insert.pipeline import attempt
+from s2a.language.insert.settings import InsertSettings, ObjectRequest
 
 
 def main() -> None:

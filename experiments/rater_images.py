@@ -12,9 +12,9 @@ import numpy as np
 from PIL import Image
 
 from s2a.core import config
-from s2a.language.insert.attempt import wide_and_close
-from s2a.language.insert.context import Inserted
 from s2a.language.insert.describe import RoomState
+from s2a.language.insert.review import wide_and_close
+from s2a.language.insert.settings import Inserted
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.render import CameraPose, OrbitCamera, render
 from s2a.scene.scene import Scene

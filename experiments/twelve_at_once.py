@@ -22,10 +22,10 @@ from placement_checks import CHECKS, Placed, Truth, check, up_and_front
 from scipy.spatial.transform import Rotation
 
 from s2a.core.provenance import provenance
+from s2a.language.ask import Record
+from s2a.language.client import choose
 from s2a.language.insert.batch import insert_into, open_room
-from s2a.language.insert.context import Inserted, ObjectRequest
-from s2a.language.llm.ask import Record
-from s2a.language.llm.client import choose
+from s2a.language.insert.settings import Inserted, ObjectRequest
 
 CATEGORY = {room: category for category, room in ROOMS.items() if category != "foreign"}
 

@@ -18,11 +18,11 @@ from other_kinds import other_objects
 
 from s2a.core import config
 from s2a.core.provenance import provenance
+from s2a.language.ask import Request
 from s2a.language.insert.object_file import ObjectConfig, colour_spread, read_object
-from s2a.language.insert.place.stable_pose import concavities, cross_sections, tilt_margins
+from s2a.language.insert.rules import rules
 from s2a.language.insert.settings import InsertSettings
-from s2a.language.llm.ask import Request
-from s2a.language.llm.rules import rules
+from s2a.language.insert.stable_pose import concavities, cross_sections, tilt_margins
 
 FLOOR = {
     "id": "floor_1",
@@ -42,7 +42,7 @@ def main() -> None:
     rows = []
     for seed in args.seeds:
         for found in other_objects(args.runs / str(seed), seed, 1).values():
-            rows += [{"seed": seed, **_row(path, truth, settings.pipeline.object)} for path, truth in found]
+            rows += [{"seed": seed, **_row(path, truth, settings.placement.object)} for path, truth in found]
     wrong = [row for row in rows if not row["right"]]
     print("\n".join(f"{row['label']}: {row['said']} for {row['truth']}" for row in wrong))
     report = {

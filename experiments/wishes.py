@@ -5,7 +5,7 @@
 
 Scans the rooms and makes the zoo unless they are there (`insertion_study.py`; RUNS belongs to one seed). Prints a table by
 relation, and writes it with a line a wish to experiments/results/wishes_NAME.json. Heeded is what the check of the result says
-(`s2a.language.insert.wishes.check`). A wish whose thing the room of this seed happens not to have counts as impossible
+(`s2a.language.insert.wish_check`). A wish whose thing the room of this seed happens not to have counts as impossible
 (`absent`), and so does one that is not heeded and for which any_place.py finds no place in this room (`nowhere`); as_written
 counts it as possible.
 """
@@ -25,11 +25,11 @@ from any_place import any_place
 from insertion_study import RESULTS, _in_turn, _insert_settings, _stage, _zoo  # the same rooms, objects and settings
 
 from s2a.core.provenance import provenance
-from s2a.language.insert.attempt import attempt
+from s2a.language.client import choose
 from s2a.language.insert.batch import open_room
-from s2a.language.insert.context import ObjectRequest
-from s2a.language.insert.wishes.check import read_wish
-from s2a.language.llm.client import choose
+from s2a.language.insert.pipeline import attempt
+from s2a.language.insert.settings import ObjectRequest
+from s2a.language.insert.wish_check import read_wish
 from s2a.scene.scene import Mesh
 
 WISHES = Path(__file__).parent / "wishes.yaml"

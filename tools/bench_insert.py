@@ -28,11 +28,10 @@ from rich.table import Table
 from s2a.core.config import compose, load
 from s2a.core.errors import InputError
 from s2a.core.provenance import provenance
+from s2a.language.client import choose
 from s2a.language.insert.batch import RECORD, insert_into, open_room
-from s2a.language.insert.context import ObjectRequest
 from s2a.language.insert.describe import RoomState
-from s2a.language.insert.settings import InsertSettings
-from s2a.language.llm.client import choose
+from s2a.language.insert.settings import InsertSettings, ObjectRequest
 
 LIMIT = 2.0
 """What an insertion may take on two cores [s]."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import yaml
 
-from s2a.language.llm.rules import known, table
+from s2a.language.insert.rules import known, table
 
 
 def main(listed: Path) -> None:

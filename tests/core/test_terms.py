@@ -104,13 +104,12 @@ DOCS = (
 )
 ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "s2a/language/do/plan.py": (("refusal",), "a field of the model's answers, which are recorded word for word"),
-    "s2a/language/insert/scale.py": (("longest",), "a field of the model's answers, which are recorded word for word"),
-    "s2a/language/insert/context.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/language/insert/plan.py": (("longest",), "a field of the model's answers, which are recorded word for word"),
     "s2a/language/insert/pipeline.py": (("wish",), "the command line's own word: wish=prefer"),
     "s2a/language/insert/settings.py": (("wish",), "the command line's own word: wish=prefer"),
-    "s2a/language/insert/wishes/check.py": (("wish",), "the command line's own word: wish=prefer"),
-    "s2a/language/insert/wishes/parse.py": (("wish",), "the command line's own word: wish=prefer"),
-    "s2a/language/llm/rules.py": (("longest",), "as in s2a/language/insert/scale.py"),
+    "s2a/language/insert/wish_check.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/language/insert/wish.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/language/insert/rules.py": (("longest",), "as in s2a/language/insert/plan.py"),
     "s2a/core/bounds.py": (("least",), "AtLeast(4) reads as the bound it is"),
     "s2a/learn/rl/config.py": (("epochs",), "num_learning_epochs, rsl_rl's own name"),
     "s2a/homes/draw.py": (("draw",), "random draws"),

@@ -13,9 +13,9 @@ from settings import skills
 
 from s2a.commands import cli
 from s2a.core.errors import InputError
+from s2a.language.ask import Answer, UsageLog
 from s2a.language.do.plan import plan
 from s2a.language.do.run import RoomContext
-from s2a.language.llm.ask import Answer, UsageLog
 
 
 @pytest.fixture(scope="module")

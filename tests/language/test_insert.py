@@ -20,18 +20,18 @@ from scipy.spatial.transform import Rotation
 from s2a.commands import cli
 from s2a.core import config
 from s2a.core.errors import CheckFailed, InputError
+from s2a.language.ask import Request, parse
 from s2a.language.commands import insert as command
-from s2a.language.insert import author, describe, prompts, scale
+from s2a.language.insert import describe, pipeline, prompts
+from s2a.language.insert import plan as scale
+from s2a.language.insert.fit import Pose
 from s2a.language.insert.object_file import ObjectConfig, ObjectFile, read_object, upright
-from s2a.language.insert.place.fit import Pose
-from s2a.language.insert.place.stable_pose import concavities, cross_sections, settled_axis, tilt_margins
-from s2a.language.insert.placement import Placement
-from s2a.language.insert.plan import Plan, checked
+from s2a.language.insert.plan import Plan, Size, checked, fit_scale
 from s2a.language.insert.prompts import write_script
-from s2a.language.insert.scale import Size, fit_scale
-from s2a.language.insert.wishes.choices import parse_hint
-from s2a.language.llm.ask import Request, parse
-from s2a.language.llm.rules import brands, known, rules, table
+from s2a.language.insert.rules import brands, known, rules, table
+from s2a.language.insert.stable_pose import concavities, cross_sections, settled_axis, tilt_margins
+from s2a.language.insert.wish import parse_hint
+from s2a.language.sandbox.diff import Placement
 from s2a.language.sandbox.jail import STAGE
 from s2a.language.sandbox.policy import AllowConfig, check
 from s2a.scene.geometry.mesh_ops import merge
@@ -180,7 +180,7 @@ def test_an_insertion_takes_neither_the_place_of_its_ground_nor_of_its_recording
     ],
 )
 def test_any_label_makes_a_name_that_a_script_may_spell(label, part_id):
-    planned = author.placement(scene(), label, Pose((0.1, 0.2, 0.3), (0.0, 0.0, 0.0, 1.0), 0.0, 1), 1.0)
+    planned = pipeline.placement(scene(), label, Pose((0.1, 0.2, 0.3), (0.0, 0.0, 0.0, 1.0), 0.0, 1), 1.0)
     assert (planned.part_id, planned.label) == (part_id, label)
     check(write_script(planned), STAGE, planned.reference, config.load(AllowConfig, composed()["sandbox"]["allow"]))
 
@@ -450,7 +450,7 @@ def test_every_answer_of_the_rules_fits_the_schema_that_models_are_given():
         facts |= {"hollow": {}, "slices": {}, "format": "obj", "wish": "", "room": lines}
         found = checked(parse(rules(Request("plan", "", (), None, facts)).text, Plan), room)
         assert found.choices or "none of the places" in found.declined
-        assert scale.checked(parse(rules(Request("scale", "", (), None, facts)).text, Size)).noun == entry.noun
+        assert scale.checked_size(parse(rules(Request("scale", "", (), None, facts)).text, Size)).noun == entry.noun
 
 
 def test_the_table_lays_down_what_fell_over_and_looks_elsewhere_for_what_did_not_fit():

@@ -15,10 +15,9 @@ from hostile_scripts import ALL, GOOD
 from placed_mug import CONFIG, PLAN, UPRIGHT, write_stage
 
 from s2a.core.errors import InputError
-from s2a.language.insert import author
-from s2a.language.insert.batch import geometry_free_text
-from s2a.language.insert.placement import Placement
+from s2a.language.insert.batch import geometry_free_text, write
 from s2a.language.insert.prompts import ScriptResult, run_sandboxed, write_script
+from s2a.language.sandbox.diff import Placement
 from s2a.language.sandbox.jail import Sandbox, SandboxConfig
 from s2a.language.sandbox.operations import PolicyViolation
 from s2a.scene.usd import geometric
@@ -153,7 +152,7 @@ def test_whatever_a_model_writes_places_the_object(number: int, stage: Path) -> 
 
 def test_the_object_joins_the_room_as_a_fixed_part_and_leaves_it_with_the_layer(stage: Path) -> None:
     before, path = stage.read_bytes(), stage.parent / "overlay.usda"
-    author.write(run_script(write_script(PLAN), geometry_free_text(stage), PLAN, CONFIG).layer, stage.name, path)
+    write(run_script(write_script(PLAN), geometry_free_text(stage), PLAN, CONFIG).layer, stage.name, path)
     room = geometric.read(path)
     mug = room.parts["mug_8"]
     assert (mug.label, mug.motion, mug.parent, list(room.parts)) == ("coffee mug", "fixed", None, ["wall_1", "mug_8"])
@@ -164,17 +163,15 @@ def test_the_object_joins_the_room_as_a_fixed_part_and_leaves_it_with_the_layer(
 
 def test_the_same_script_gives_the_same_bytes(stage: Path, tmp_path: Path) -> None:
     for name in ("first.usda", "second.usda"):
-        author.write(
-            run_script(scripts()[0], geometry_free_text(stage), PLAN, CONFIG).layer, "geometric.usd", tmp_path / name
-        )
+        write(run_script(scripts()[0], geometry_free_text(stage), PLAN, CONFIG).layer, "geometric.usd", tmp_path / name)
     assert (tmp_path / "first.usda").read_bytes() == (tmp_path / "second.usda").read_bytes()
 
 
 def test_an_object_joins_a_room_that_another_joined_before(stage: Path) -> None:
     first, second = stage.parent / "one.usda", stage.parent / "two.usda"
-    author.write(run_script(write_script(PLAN), geometry_free_text(stage), PLAN, CONFIG).layer, stage.name, first)
+    write(run_script(write_script(PLAN), geometry_free_text(stage), PLAN, CONFIG).layer, stage.name, first)
     plan = replace(PLAN, part_id="mug_9", position=(0.0, 0.0, 2.0))
-    author.write(run_script(write_script(plan), geometry_free_text(first), plan, CONFIG).layer, first.name, second)
+    write(run_script(write_script(plan), geometry_free_text(first), plan, CONFIG).layer, first.name, second)
     assert list(geometric.read(second).parts) == ["wall_1", "mug_8", "mug_9"]
 
 

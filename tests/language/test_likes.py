@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from s2a.language.insert.pipeline import apart_from_likes, like_on
-from s2a.language.insert.place.fit import NoRoom
-from s2a.language.insert.plan import Choice, Plan
+from s2a.language.insert.fit import NoRoom
+from s2a.language.insert.plan import Choice, Plan, apart_from_likes, like_on
 
 LINES = [
     {"id": "tv_1", "label": "tv", "on": "stand_2"},

@@ -15,11 +15,10 @@ from fake_llm import Endpoint, Said, endpoint, failure, message
 
 from s2a.core.config import compose, load
 from s2a.core.errors import InputError
+from s2a.language.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
+from s2a.language.client import LlmConfig, choose, kind_of
 from s2a.language.insert import prompts
-from s2a.language.insert.plan import FailedPlan, Plan, checked, plan
-from s2a.language.insert.scale import size
-from s2a.language.llm.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
-from s2a.language.llm.client import LlmConfig, choose, kind_of
+from s2a.language.insert.plan import FailedPlan, Plan, checked, plan, size
 from s2a.scene.scene import Mesh, Part, Scene
 
 ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})

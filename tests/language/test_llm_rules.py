@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from s2a.language.insert.place.stable_pose import AXES
-from s2a.language.llm.rules import _flat, _up, known
+from s2a.language.insert.rules import _flat, _up, known
+from s2a.language.insert.stable_pose import AXES
 
 
 def facts(sides: list[float], slices: dict[str, list[float]] | None = None, **more: Any) -> dict[str, Any]:

@@ -8,8 +8,8 @@ import pytest
 from model_answers import answers
 from placed_mug import CONFIG, PLAN, write_stage
 
-from s2a.language.insert.author import bare
 from s2a.language.insert.batch import geometry_free_text
+from s2a.language.insert.pipeline import bare
 from s2a.language.insert.prompts import run_sandboxed
 from s2a.language.sandbox.jail import Sandbox
 from s2a.language.sandbox.operations import PolicyViolation

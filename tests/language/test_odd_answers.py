@@ -13,10 +13,9 @@ from mutations import mutated_json
 
 from s2a.core.config import compose, load
 from s2a.core.errors import InputError
-from s2a.language.insert.plan import Plan, plan
-from s2a.language.insert.scale import Size, fit_scale, size
-from s2a.language.llm.ask import Answer, Request, UsageLog
-from s2a.language.llm.client import Chat, LlmConfig, choose, gist, key
+from s2a.language.ask import Answer, Request, UsageLog
+from s2a.language.client import Chat, LlmConfig, choose, gist, key
+from s2a.language.insert.plan import Plan, Size, fit_scale, plan, size
 from s2a.scene.scene import Mesh, Part, Scene
 
 ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})

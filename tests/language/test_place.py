@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from s2a.core.config import compose, load
 from s2a.core.errors import InputError
-from s2a.language.insert.place.candidate_poses import place, places
-from s2a.language.insert.place.contact import PoseConfig, Relation
-from s2a.language.insert.place.fit import NoRoom, Pose, reaching_into, swept_volumes
-from s2a.language.insert.place.supports import nearby, place_paper, target_plane, target_regions
+from s2a.language.insert.fit import NoRoom, Pose, reaching_into, swept_volumes
+from s2a.language.insert.poses import PoseConfig, Relation, place, places
+from s2a.language.insert.supports import nearby, place_paper, target_plane, target_regions
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.mesh_query import crossing, depth, inside

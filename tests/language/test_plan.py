@@ -12,12 +12,12 @@ from drawer_room import drawer_room
 from settings import skills
 
 from s2a.core.errors import InputError
+from s2a.language.ask import Answer, Request, UsageLog
 from s2a.language.do import plan as prompts
 from s2a.language.do.episode import Outcome, RoomChange, at_state, opened_by, riders
 from s2a.language.do.facts import gather, lines, possible, text
 from s2a.language.do.plan import MAX_SENTENCE, Skill, check_sentence
 from s2a.language.do.run import RoomContext, do, make_plan
-from s2a.language.llm.ask import Answer, Request, UsageLog
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimRoom
 

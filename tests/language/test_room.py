@@ -12,10 +12,10 @@ from rough_furniture import at, block, sheet, table
 from s2a.core.config import compose, load
 from s2a.core.errors import InputError
 from s2a.language.insert import describe
-from s2a.language.insert.context import Inserted
 from s2a.language.insert.describe import RoomState
-from s2a.language.insert.place.fit import NoRoom, SweptVolume, heights_within
-from s2a.language.insert.place.supports import SurfaceConfig, facing, target_regions, within
+from s2a.language.insert.fit import NoRoom, SweptVolume, heights_within
+from s2a.language.insert.settings import Inserted
+from s2a.language.insert.supports import SurfaceConfig, facing, target_regions, within
 from s2a.scene.geometry.convex import halfspaces, hull
 from s2a.scene.geometry.occupancy import distinct_cells
 from s2a.scene.geometry.regions import Region, RegionConfig

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 from settings import skills
 
+from s2a.language.ask import UsageLog
 from s2a.language.do.facts import RoomPart
 from s2a.language.do.plan import SkillPlan, plan
 from s2a.language.do.rules import rules
-from s2a.language.llm.ask import UsageLog
 
 
 def thing(

@@ -12,13 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from s2a.core.config import compose, load
 from s2a.language.insert.describe import RoomState
-from s2a.language.insert.place.candidate_poses import CandidatePose
-from s2a.language.insert.place.contact import PoseConfig
-from s2a.language.insert.place.fit import Pose
-from s2a.language.insert.place.supports import SurfaceConfig, nearby
+from s2a.language.insert.fit import Pose
 from s2a.language.insert.plan import Choice
+from s2a.language.insert.poses import CandidatePose, PoseConfig
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.insert.stability import drop_check, stable_pose
+from s2a.language.insert.supports import SurfaceConfig, nearby
 from s2a.scene.geometry.mesh_query import crossing
 from s2a.scene.scene import Mesh
 

@@ -11,11 +11,10 @@ from rough_furniture import at, block, sheet
 from scipy.spatial.transform import Rotation
 
 from s2a.core.config import compose, load
-from s2a.language.insert.place.candidate_poses import places
-from s2a.language.insert.place.contact import PoseConfig, facing_first
-from s2a.language.insert.place.serves import Fault, PlaceServes, front
-from s2a.language.insert.place.stable_pose import has_stand, leans_forward, settled_axis, slender, tilt_margin
-from s2a.language.insert.place.supports import target_regions
+from s2a.language.insert.poses import PoseConfig, facing_first, places
+from s2a.language.insert.serves import Fault, PlaceServes, front
+from s2a.language.insert.stable_pose import has_stand, leans_forward, settled_axis, slender, tilt_margin
+from s2a.language.insert.supports import target_regions
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.regions import RegionConfig
 from s2a.scene.scene import Joint, Mesh, Part, Scene

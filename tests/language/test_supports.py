@@ -5,7 +5,7 @@ from __future__ import annotations
 from rough_furniture import at, block, frame, sheet, walls
 
 from s2a.core.config import compose, load
-from s2a.language.insert.place.supports import is_basin, target_regions
+from s2a.language.insert.supports import is_basin, target_regions
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.regions import RegionConfig
 from s2a.scene.scene import Joint, Part, Scene

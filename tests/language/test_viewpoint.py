@@ -7,7 +7,7 @@ import pytest
 from rough_furniture import at, block, sheet
 
 from s2a.core import config
-from s2a.language.insert.attempt import viewpoint, visible_fraction
+from s2a.language.insert.review import viewpoint, visible_fraction
 from s2a.scene.geometry.camera import OrbitCamera
 from s2a.scene.geometry.mesh_ops import sample
 from s2a.scene.geometry.render import render

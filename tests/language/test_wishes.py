@@ -11,9 +11,8 @@ from rough_furniture import at, block, sheet
 
 from s2a.core.errors import InputError
 from s2a.language.insert.plan import Choice, Place, Plan
-from s2a.language.insert.wishes.check import allowed, decline, met, planned_place, read_wish, verdict
-from s2a.language.insert.wishes.choices import parse_hint
-from s2a.language.insert.wishes.parse import parse_wish
+from s2a.language.insert.wish import parse_hint, parse_wish
+from s2a.language.insert.wish_check import allowed, decline, met, planned_place, read_wish, verdict
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh, Part, Scene
 

@@ -9,9 +9,8 @@ import numpy as np
 from hostile_scripts import GOOD
 from settings import load
 
-from s2a.language.insert import author
-from s2a.language.insert.batch import geometry_free_text
-from s2a.language.insert.placement import Placement
+from s2a.language.insert.batch import geometry_free_text, write_object
+from s2a.language.sandbox.diff import Placement
 from s2a.language.sandbox.jail import Sandbox, SandboxConfig
 from s2a.scene.scene import Mesh, Part, Scene
 from s2a.scene.usd import geometric
@@ -31,7 +30,7 @@ def write_stage(folder: Path) -> Path:
     """Write a stage with a wall, and an object beside it."""
     geometric.write(Scene("room", {"wall_1": Part("wall", square(), None, "fixed")}), folder / "geometric.usd")
     (folder / "objects").mkdir()
-    author.write_object(square(), folder / "objects/mug.usd")
+    write_object(square(), folder / "objects/mug.usd")
     return folder / "geometric.usd"
 
 

@@ -12,12 +12,12 @@ from s2a.core.bounds import CountFromZero
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
+from s2a.language.ask import UsageLog
+from s2a.language.client import LlmConfig, choose, kind_of
 from s2a.language.do.episode import ExecutionConfig, Skills, execute, tasks_of
 from s2a.language.do.plan import check_sentence
 from s2a.language.do.rules import rules
 from s2a.language.do.run import Result, RoomContext, do
-from s2a.language.llm.ask import UsageLog
-from s2a.language.llm.client import LlmConfig, choose, kind_of
 from s2a.motion.trajectory import PlannerConfig
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import descriptive, sim_stage

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from s2a.core.errors import InputError, printable
+from s2a.language.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
 from s2a.language.do.facts import Facts, lines, text
-from s2a.language.llm.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
 from s2a.tasks.base import Task
 
 MAX_SENTENCE = 500

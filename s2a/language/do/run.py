@@ -10,12 +10,12 @@ import numpy as np
 
 from s2a import robot as robots
 from s2a.core.errors import InputError
+from s2a.language.ask import Model, UsageLog, ValidationFeedback
 from s2a.language.do import episode
 from s2a.language.do import facts as fact
 from s2a.language.do.episode import Outcome, RoomChange
 from s2a.language.do.facts import Facts, RoomPart
 from s2a.language.do.plan import Failure, Skill, SkillPlan, plan, refused
-from s2a.language.llm.ask import Model, UsageLog, ValidationFeedback
 from s2a.motion.obstacles import Obstacles
 from s2a.motion.places import inside_placements
 from s2a.robot.tool_path import opening_coordinate

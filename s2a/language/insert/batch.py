@@ -13,17 +13,17 @@ from pxr import Sdf, Usd, UsdGeom
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, refuse_loss, require_png
 from s2a.core.progress import track
-from s2a.language.insert import author
-from s2a.language.insert.attempt import Attempt, image_pose
-from s2a.language.insert.context import Inserted, ObjectRequest
+from s2a.language.ask import Model, Record
+from s2a.language.client import choose, kind_of
 from s2a.language.insert.describe import RoomState
-from s2a.language.insert.settings import InsertSettings
-from s2a.language.llm.ask import Model, Record
-from s2a.language.llm.client import choose, kind_of
+from s2a.language.insert.pipeline import Attempt
+from s2a.language.insert.review import image_pose
+from s2a.language.insert.settings import Inserted, InsertSettings, ObjectRequest
 from s2a.scene.geometry.camera import OrbitCamera
 from s2a.scene.geometry.render import render, write_png
+from s2a.scene.scene import Mesh
 from s2a.scene.usd import descriptive, geometric
-from s2a.scene.usd.stage import ROOT, new_stage, open_stage
+from s2a.scene.usd.stage import ROOT, new_stage, open_stage, save, save_layer, write_mesh
 from s2a.scene.usd.stamp import files
 
 KEPT = ("s2a:partId", "s2a:label", "s2a:parent", "s2a:motion")
@@ -59,6 +59,48 @@ def _copy(prim: Usd.Prim, layer: Sdf.Layer) -> None:
         kind = attribute.GetTypeName()
         copy = Sdf.AttributeSpec(spec, attribute.GetName(), kind, attribute.GetVariability(), attribute.IsCustom())
         copy.default = attribute.Get()
+
+
+OBJECT = "/object"
+"""Default prim of an object's file."""
+
+
+def write_object(mesh: Mesh, path: Path) -> None:
+    """Write an object's file, as a placement refers to it: `/object` with its surface in `/object/visual`.
+
+    Args:
+        mesh: in the object's own frame, metres, z up.
+        path: ends in .usd, .usda or .usdc.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    stage = new_stage()
+    stage.RemovePrim(ROOT)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, OBJECT).GetPrim())
+    write_mesh(stage, f"{OBJECT}/visual", mesh)
+    save(stage, path)
+
+
+def write(added: Sdf.Layer, below: str, path: Path) -> None:
+    """Write a layer that shows a stage with what was added; the same input gives the same bytes.
+
+    Args:
+        added: `/scene` with the new prims, from `s2a.language.sandbox.diff`.
+        below: path of the stage (a geometric.usd or an overlay), relative to the folder of `path`.
+        path: ends in .usda.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    stage, layer = new_stage(), Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(stage.GetRootLayer())  # a layer alone opens nothing that it names
+    layer.subLayerPaths.append(below)
+    root = layer.GetPrimAtPath(ROOT)
+    root.specifier, root.typeName = Sdf.SpecifierOver, ""
+    for prim in added.GetPrimAtPath(ROOT).nameChildren:
+        Sdf.CopySpec(added, prim.path, layer, prim.path)
+    save_layer(layer, path)
 
 
 MAX_LIST = 4_000_000
@@ -107,31 +149,31 @@ def insert_into(room: RoomState, requests: list[ObjectRequest], model: Model, se
     attempts = [Attempt(room, request, model, settings) for request in requests]
     for one in track(attempts, "planning"):
         one.plan()
-        if one.problem and len(requests) == 1:
-            raise InputError(one.problem)
-    found: dict[int, Inserted] = {}
+        if one.error and len(requests) == 1:
+            raise one.error
+    placed: dict[int, Inserted] = {}
     for number in track(sorted(range(len(attempts)), key=lambda number: -attempts[number].footprint), "inserting"):
         inserted = attempts[number].fix()
         if inserted is not None:
-            found[number] = inserted
+            placed[number] = inserted
             room.add(inserted)
-        elif len(requests) == 1:
-            raise InputError(attempts[number].problem)
+        elif len(requests) == 1 and (error := attempts[number].error):
+            raise error
     records = [one.finished() for one in attempts]
-    if not found:
+    if not placed:
         raise InputError(f"none of {len(requests)} objects could be inserted; the first: {records[0]['problem']}")
-    placed = [found[number] for number in sorted(found)]
+    results = [placed[number] for number in sorted(placed)]
     with atomic_write(settings.out, earlier=RECORD) as out:
-        _write(placed, records, room, settings, out)
+        _write(results, records, room, settings, out)
     if settings.image:
-        _render(placed[0], room, settings.camera, settings.image)
-    return Insertion(settings.out / LAYER, tuple(placed), tuple(records))
+        _render(results[0], room, settings.camera, settings.image)
+    return Insertion(settings.out / LAYER, tuple(results), tuple(records))
 
 
 def open_room(settings: InsertSettings) -> RoomState:
     """Read a stage and survey its support regions."""
     stage = settings.stage
-    return RoomState(geometric.read(stage), geometry_free_text(stage), settings.pipeline.surface)
+    return RoomState(geometric.read(stage), geometry_free_text(stage), settings.placement)
 
 
 def read_requests(settings: InsertSettings) -> list[ObjectRequest]:
@@ -180,10 +222,10 @@ def _write(found: list[Inserted], records: list[Record], room: RoomState, settin
     added = Sdf.Layer.CreateAnonymous(".usda")
     Sdf.CreatePrimInLayer(added, "/scene")
     for one in found:
-        author.write_object(one.mesh, out / one.placement.reference)
+        write_object(one.mesh, out / one.placement.reference)
         path = f"/scene/{one.placement.part_id}"
         Sdf.CopySpec(one.layer, path, added, path)
-    author.write(added, Path(os.path.relpath(settings.stage, settings.out)).as_posix(), out / LAYER)
+    write(added, Path(os.path.relpath(settings.stage, settings.out)).as_posix(), out / LAYER)
     descriptive.write(room.scene, out / "descriptive.usda")
     about = {"stage": str(settings.stage), "surface": settings.surface, "pose": settings.pose}
     about |= {"llm": kind_of(settings.llm), "model": settings.llm.model}

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import ndimage
 
-from s2a.language.insert.place.fit import NoRoom, swept_volumes
-from s2a.language.insert.place.supports import SurfaceConfig, is_basin, target_mesh, target_regions
+from s2a.language.insert.fit import NoRoom, swept_volumes
 from s2a.language.insert.plan import Plan
+from s2a.language.insert.supports import SurfaceConfig, is_basin, target_mesh, target_regions
 from s2a.scene.geometry.mesh_ops import normals
 from s2a.scene.geometry.regions import Region, RegionConfig
 from s2a.scene.scene import Joint, Mesh, Scene
 from s2a.scene.usd.descriptive import Box, silhouette, upright_box
 
 if TYPE_CHECKING:
-    from s2a.language.insert.context import Inserted
+    from s2a.language.insert.settings import Inserted
 
 THICKEST = 0.5
 """Thickness from which a part called wall is more than one wall [m]."""

@@ -192,7 +192,7 @@ def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: DropTes
     data.qpos[2] += config.drop
     steps, window = round(config.seconds / config.step), round(config.still / config.step)
     speeds = np.full((window, 6), np.inf)
-    deepest, touches, rests = 0.0, False, False
+    deepest, touches, resting = 0.0, False, False
     for step in range(steps):
         mujoco.mj_step(built, data)
         speeds[step % window] = data.qvel * ([1.0] * 3 + [radius] * 3)
@@ -200,10 +200,10 @@ def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: DropTes
         probe = step % INTERVAL == 0
         if probe and _moved(data.qpos, radius) > stray:
             return None
-        rests = probe and _rests(speeds, speeds[step % window], left, config)
-        if rests or step >= 0.75 * steps:
+        resting = probe and rests(speeds, speeds[step % window], left, config)
+        if resting or step >= 0.75 * steps:
             deepest, touches = max(deepest, _depth(data)), touches or data.ncon > 0
-        if rests:
+        if resting:
             mujoco.mj_integratePos(built, data.qpos, data.qvel, left)
             break
     drift = float(np.linalg.norm(data.qpos[:3]))
@@ -218,7 +218,7 @@ def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: DropTes
     clauses += [(drift <= config.drift, f"it drifts by {1000 * drift:.0f} mm")]
     clauses += [(deepest <= config.penetration, f"it sinks in by {1000 * deepest:.1f} mm")]
     problem = problem or next((words for holds, words in clauses if not holds), "")
-    return DropTestResult(drift, tilt, deepest, problem, _rest(data) if problem and rests else None)
+    return DropTestResult(drift, tilt, deepest, problem, _rest(data) if problem and resting else None)
 
 
 def _rest(data: mujoco.MjData) -> dict[str, list[float]]:
@@ -233,7 +233,7 @@ def _moved(pose: np.ndarray, radius: float) -> float:
     return float(np.linalg.norm(pose[:3]) + radius * turn)
 
 
-def _rests(speeds: np.ndarray, speed: np.ndarray, left: float, config: DropTestConfig) -> bool:
+def rests(speeds: np.ndarray, speed: np.ndarray, left: float, config: DropTestConfig) -> bool:
     """Return whether an object stays at rest for the time that is left [s].
 
     At rest, the contacts of the simulation yield at a constant speed of micrometres a second. What is about to fall is as slow

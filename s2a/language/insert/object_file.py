@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from s2a.core.bounds import Count, Positive
 from s2a.core.errors import InputError
-from s2a.language.insert.place.stable_pose import AXES, leans_forward, settled_axis
+from s2a.language.insert.stable_pose import AXES, leans_forward, settled_axis
 from s2a.scan import source as mesh_files
 from s2a.scan.bake import bake
 from s2a.scan.source import SourceMesh

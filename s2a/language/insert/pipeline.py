@@ -1,228 +1,363 @@
-"""Insertion of one object: describe the room, plan, scale, find a pose, check its stability, author a script.
-
-Whether an object stays where it is put is up to the caller's `StabilityCheck`: physics, which this module does not import.
-"""
+"""Insertion of one object: describe the room, plan, scale, find a pose, check its stability, author a script, review it."""
 
 from __future__ import annotations
 
+import copy
+import re
+import textwrap
+import unicodedata
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from s2a.language.insert import describe
-from s2a.language.insert.author import author, check_words, placement
-from s2a.language.insert.context import InsertConfig, InsertContext, Inserted, ObjectRequest
+from s2a.core.errors import InputError, encodable
+from s2a.language.ask import Model, Record, Request, UsageLog, ValidationFeedback, ask, step, tokens, without_thoughts
+from s2a.language.insert import describe, prompts
 from s2a.language.insert.describe import RoomState
+from s2a.language.insert.fit import NoRoom, Pose
 from s2a.language.insert.object_file import ObjectFile, colour_spread, read_object, upright
-from s2a.language.insert.place.candidate_poses import CandidatePose, Keep, candidate_poses
-from s2a.language.insert.place.contact import PoseConfig, facing_first
-from s2a.language.insert.place.fit import NoRoom
-from s2a.language.insert.place.stable_pose import concavities, cross_sections, tilt_margins
-from s2a.language.insert.plan import Choice, FailedPlan, Plan, plan
-from s2a.language.insert.scale import Size, fit_scale, size
-from s2a.language.insert.stability import stable_pose
-from s2a.language.insert.wishes.check import allowed, decline, objection, planned_place, read_wish, verdict
-from s2a.language.insert.wishes.parse import Wish, is_kind_of
-from s2a.language.llm.ask import Record, step, tokens
-from s2a.language.llm.rules import write_scripts
+from s2a.language.insert.plan import FailedPlan, Plan, ScaleFit, Size, apart_from_likes, fit_scale, plan, size
+from s2a.language.insert.poses import CandidatePose, Keep, PoseConfig, candidate_poses, facing_first
+from s2a.language.insert.prompts import ScriptResult, run_sandboxed
+from s2a.language.insert.review import reviewed
+from s2a.language.insert.rules import write_scripts
+from s2a.language.insert.settings import Inserted, InsertSettings, ObjectRequest
+from s2a.language.insert.stability import StabilityCheck, drop_check, stable_pose
+from s2a.language.insert.stable_pose import concavities, cross_sections, tilt_margins
+from s2a.language.insert.wish import Wish
+from s2a.language.insert.wish_check import allowed, decline, objection, planned_place, read_wish, verdict
+from s2a.language.sandbox.diff import Placement, check_label
 from s2a.language.sandbox.jail import Sandbox
-from s2a.scene.scene import Mesh, Part
+from s2a.language.sandbox.operations import PolicyViolation
+from s2a.language.sandbox.policy import HIDDEN
+from s2a.scan.labels import part_id
+from s2a.scene.scene import Mesh, Part, Scene
+
+FENCE = re.compile(
+    r"^[ \t>]*(?P<fence>`{3,}|~{3,})[ \t]*(?P<language>[\w.+-]*)[^\n`]*\n(?P<script>.*?)(?:^[ \t]*(?P=fence)[`~]*[ \t]*$|\Z)",
+    re.DOTALL | re.MULTILINE,
+)
+"""A block of code in Markdown."""
+MAX_HINT = 2000
+"""Letters of a placement hint."""
+LANGUAGES = ("python", "python3", "py", "py3")
 
 
-def stable_candidate(context: InsertContext, object: Mesh, where: Plan, hint: Wish, anyhow: bool) -> CandidatePose:
-    """Return the first candidate pose, in the order of the plan, at which the object stays.
-
-    Args:
-        context: of the insertion.
-        object: upright, in metres.
-        where: the plan.
-        hint: the parsed placement hint, which holds.
-        anyhow: Turn a large object's side or back to the room where there is no other place.
-
-    Raises:
-        NoRoom: there is none.
-    """
-    room, config, record = context.room, context.config, context.record
-    results: list[Record] = []
-    keeps: dict[Wish, Keep | None] = {}
-
-    def check(candidate: CandidatePose) -> Record:
-        with step(record, "verify") as result:
-            result.pop("rest", None)  # of earlier candidates
-            found = context.check_stability(object, candidate, room.scene)
-            result |= found
-        results.append(found)
-        return found
-
-    for heeded, turned in _searches(object, where, hint, config, anyhow):
-        if (
-            turned is config.pose
-            and turned.pose == "search"
-            and any(result.get("unstable", False) for result in results)
-        ):
-            continue  # it would fall over however it is turned
-        reasons: list[str] = []
-        if heeded not in keeps:
-            keeps[heeded] = allowed(heeded, room.scene, object)
-        poses = candidate_poses(room, object, where, config.surface, turned, reasons, keeps[heeded])
-        with step(record, "pose") as said:
-            candidate = stable_pose(
-                room, object, poses, check, partial(_unheeded, room, object, heeded), config.pose, reasons
-            )
-            if candidate is not None:
-                said |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
-                record["surface"] = {**candidate.surface, "passed over": reasons}
-                return candidate
-    unstable = any(result.get("unstable", False) for result in results)
-    record["surface"] = {"passed over": reasons}
-    summary = f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}"
-    raise NoRoom(summary, unstable=unstable, remedy="; name another place with prompt=...")
+def check_words(label: str, hint: str) -> None:
+    """Raise an InputError if a label or a placement hint can be in no script, file or request."""
+    check_label(label)
+    if HIDDEN.search(label):
+        raise InputError(f"label {label!r} has a word that begins with an underscore, or two; use plain words")
+    if encodable(hint) != hint or len(hint) > MAX_HINT:
+        raise InputError(
+            f"prompt {hint[:40]!r} is longer than {MAX_HINT} letters, or no UTF-8; say it in fewer, plain words"
+        )
 
 
-def _searches(
-    object: Mesh, where: Plan, wish: Wish, config: InsertConfig, anyhow: bool
-) -> Iterator[tuple[Wish, PoseConfig]]:
-    """Yield what is searched for: squarely first, and first where the plan has it; other turns before giving up a wish."""
-    preferred = Wish((*wish.relations, *planned_place(where).relations))
-    for heeded in ((preferred, wish), (Wish(),)) if config.wish == "prefer" else ((preferred, wish),):
-        for turned in facing_first(object, config.pose, anyhow):
-            for one in dict.fromkeys(heeded):
-                yield one, turned
+def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:
+    """Return the placement for the script; the id is the label with the number after the highest in the scene."""
+    numbers = [int(tail) for i in scene.parts if (tail := i.rpartition("_")[2]).isdecimal()]
+    plain = unicodedata.normalize("NFKD", label.lower()).encode("ascii", "ignore").decode()
+    # No leading and no double underscores: the policy forbids scripts to contain such names (s2a.language.sandbox.policy).
+    words = "_".join(re.findall("[a-z0-9]+", plain))[:40].strip("_") or "object"
+    name = part_id(words, max(numbers, default=0) + 1).lstrip("_")
+    name = name if name[0].isalpha() else f"object_{name}"
+    x, y, z = map(float, pose.position)  # the repr of NumPy's floats names their type
+    qx, qy, qz, qw = map(float, pose.quaternion)
+    return Placement(name, label, f"objects/{name}.usdc", (x, y, z), (qx, qy, qz, qw), float(scale))
 
 
-def _unheeded(room: RoomState, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:
-    """Return the relation of a wish that a candidate does not have, as a clause; empty if it has all."""
-    return objection(wish, room.scene, candidate.pose.moved(object)) if wish.relations else ""
-
-
-SINGLE = (
-    "tv", "keyboard", "microwave", "kettle", "toaster", "coffee maker", "coffee machine", "printer", "record player",
-    "bread bin", "dish rack", "knife block", "toaster oven",
-)  # fmt: skip
-"""Kinds of which one table or counter has one."""
-
-
-def like_on(target: str, label: str, lines: list[dict[str, Any]]) -> str | None:
-    """Return the id of a thing on a support that is of the same single kind as a label; None if there is none.
+def author(model: Model, sandbox: Sandbox, planned: Placement, usage: UsageLog, record: Record) -> ScriptResult:
+    """Ask for a script and run it in the sandbox; a policy violation goes back to the model once.
 
     Args:
-        target: id of the support.
-        label: of the object.
-        lines: of the room, see `s2a.language.insert.describe.describe`.
-    """
-    kinds = [kind for kind in SINGLE if is_kind_of(label, kind)]
-    standing = (line for line in lines if line.get("on") == target)
-    return next((line["id"] for line in standing if any(is_kind_of(line["label"], kind) for kind in kinds)), None)
-
-
-def apart_from_likes(plan: Plan, label: str, lines: list[dict[str, Any]], last: bool) -> Plan:
-    """Return a plan without the supports that carry a like of the object, or with these at the end if it is the last one.
+        model: the language model.
+        sandbox: where the script runs.
+        planned: the prim that the script is to add.
+        usage: log of the answers, appended to.
+        record: of the step; receives the violations, the script, the active sandbox layers and the seconds.
 
     Raises:
-        NoRoom: nothing is left, and it is not the last plan.
+        InputError: the second script was rejected too, or the system cannot confine scripts.
     """
-    likes = {choice: like_on(choice.target, label, lines) for choice in plan.choices}
-    free = tuple(choice for choice in plan.choices if likes[choice] is None)
-    if not free and not last:
-        raise NoRoom("; ".join(_clause(choice, like) for choice, like in likes.items()))
-    return replace(plan, choices=free + tuple(choice for choice in plan.choices if last and choice not in free))
+    facts = {"id": planned.part_id, "label": planned.label, "plan": planned}
+    refusals: list[str] = record.setdefault("refusals", [])
+
+    def accept(text: str) -> ScriptResult:
+        try:
+            return run_sandboxed(sandbox, bare(text), planned)
+        except PolicyViolation as violation:
+            refusals.append(str(violation))
+            raise ValidationFeedback(f"{violation}. Write the script again, whole.") from violation
+
+    request = Request("script", prompts.SCRIPT, (("user", prompts.script_question(planned)),), None, facts)
+    result = ask(model, request, accept, 1, usage)
+    record |= {name: value for name, value in result.record.items() if name != "seconds"}
+    record["confined_seconds"] = result.record["seconds"]
+    return result
 
 
-def _clause(choice: Choice, like: str | None) -> str:
-    return (
-        f"{choice.relation} {choice.target}: {like} is there already, and people keep one such thing at a place; repeat it if "
-        "there is no better place for a second one"
-    )
+def bare(text: str) -> str:
+    """Return the script in an answer, without what the model thought, code fences and the text around them.
+
+    Of several fences the last one that says python counts, else the last one. One that does not end goes on to the end.
+    """
+    text = without_thoughts(text).lstrip("\ufeff")
+    fences = [(fence["language"].lower(), fence["script"]) for fence in FENCE.finditer(text)]
+    if not fences:
+        return text
+    written = [script for language, script in fences if language in LANGUAGES]
+    return textwrap.dedent(written[-1] if written else fences[-1][1])
 
 
-@dataclass(frozen=True)
-class Planned:
-    """An object whose place is planned and not yet taken.
+class Attempt:
+    """The insertion of one object: its place is planned, and fixed in the room as it is then.
 
     Attributes:
-        request: what was asked for.
-        file: what its file holds.
-        facts: about it, as the model was given them.
-        wish: the parsed wish.
-        where: the plan.
-        answer: its usual size.
+        record: results by step, filled also if a step fails.
+        usage: log of the model's answers.
+        error: why it failed: NoRoom where no candidate pose is free and stable; another InputError for a label that no script may
+            contain, a file without an object, a hint that cannot be met, or no usable answer; None while it did not fail.
     """
 
-    request: ObjectRequest
-    file: ObjectFile
-    facts: Record
-    wish: Wish
-    where: Plan
-    answer: Size
+    def __init__(
+        self,
+        room: RoomState,
+        request: ObjectRequest,
+        model: Model,
+        settings: InsertSettings,
+        check: StabilityCheck | None = None,
+    ) -> None:
+        """Begin.
+
+        Args:
+            room: the room; not changed.
+            request: the object.
+            model: language model, recording or rules.
+            settings: of the insertion.
+            check: test of an object at a candidate pose; None for the drop test of the settings.
+        """
+        self.usage = UsageLog(settings.llm.prices)
+        self.error: InputError | None = None
+        self.record: Record = {"object": str(request.file), "label": request.label, "hint": request.hint}
+        self._room, self._request, self._model, self._settings = room, request, model, settings
+        self._check = check or drop_check(settings.hulls, settings.placement.drop_test)
+        self._plan: Plan | None = None
 
     @property
     def footprint(self) -> float:
-        """Area that the object takes of its support [m^2]: big ones are placed before small ones."""
-        scale = fit_scale(self.answer, *_extents(self.file, self.where), self.file.unit).scale
-        sides = np.ptp(upright(self.file, self.where.up, self.where.front, scale, self.where.hangs).bounds, axis=0)
+        """Area that the object takes of its support [m^2]: big ones are placed before small ones; 0 if planning failed."""
+        if self._plan is None:
+            return 0.0
+        sides = np.ptp(self._upright(self._plan, self._fit(self._plan).scale).bounds, axis=0)
         return float(sides[0] * sides[1])
 
+    def plan(self) -> None:
+        """Read the object, and ask where it goes and how large it is."""
+        try:
+            self._planned()
+        except InputError as error:
+            self.error = error
 
-def insert(context: InsertContext, request: ObjectRequest) -> Inserted:
-    """Find a place for an object in a room and author it: `planned`, then `fixed`.
+    def fix(self) -> Inserted | None:
+        """Find its pose in the room as it is now, and author it; None if that fails, or its planning did."""
+        if self._plan is None:
+            return None
+        try:
+            inserted = self._fixed()
+            if self._settings.review and not self._settings.by_rules:
+                inserted = self._reviewed(inserted)
+        except InputError as error:
+            self.error = error
+            return None
+        self.record["id"] = inserted.placement.part_id
+        return inserted
 
-    Raises:
-        NoRoom: no candidate pose is free and stable.
-        InputError: a label that no script may contain, a file without an object, a wish that cannot be, or no usable answer
-            of the model.
-    """
-    return fixed(context, planned(context, request))
+    def finished(self) -> Record:
+        """Return the record: results by step, the model's answers, and `problem`, which says why it failed."""
+        problem = str(self.error) if self.error else ""
+        return self.record | {"problem": problem, "answers": self.usage.entries, "total": self.usage.total()}
+
+    def _planned(self) -> None:
+        room, request, settings, record = self._room, self._request, self._settings, self.record
+        check_words(request.label, request.hint)
+        self._file = read_object(request.file, settings.placement.object)
+        self._wish = read_wish(request.hint, room.scene)
+        if settings.wish == "heed":
+            decline(self._wish, request.hint, room.scene, understood=not settings.by_rules)
+        with step(record, "describe") as result:
+            result |= {"parts": len(room.lines), "tokens": tokens(describe.text(room.lines))}
+        with self._sandbox() as sandbox:
+            sandbox.check_guarantees()  # before the model is asked: its answers may cost money
+        self._facts = _facts(self._file, request, room.lines)
+        where = self._ask_plan(None)
+        with step(record, "scale") as result:
+            self._size = self._ask_size(where)
+            result |= vars(self._size)
+        self._plan = where
+
+    def _fixed(self, failed: FailedPlan | None = None) -> Inserted:
+        """Return the object in its place; by another plan, if one failed."""
+        scene, record, request, settings = self._room.scene, self.record, self._request, self._settings
+        where, object, scale, candidate = self._place(failed)
+        moved = candidate.pose.moved(object)
+        if request.hint:
+            record["wish"] = verdict(self._understood(where), request.hint, scene, moved)
+        model = self._model if settings.script == "model" else write_scripts
+        with self._sandbox() as sandbox, step(record, "script") as result:
+            prim = placement(scene, request.label, candidate.pose, scale)
+            script = author(model, sandbox, prim, self.usage, result)
+        return Inserted(prim, candidate, Part(request.label, moved), self._upright(where, 1.0), script.layer, where)
+
+    def _reviewed(self, inserted: Inserted) -> Inserted:
+        """Return an insertion that a model finds right, else one by another plan, else the first one."""
+        with step(self.record, "review") as result:
+            review = reviewed(self._model, self._room.scene, inserted, self._settings, self.usage)
+            result |= vars(review)
+        if review.right:
+            return inserted
+        before = copy.deepcopy(self.record)
+        reason = f"It was put there, and does not look right: {review.problem[:500]}"
+        try:
+            return self._fixed(FailedPlan(inserted.plan, reason, False))
+        except InputError as error:
+            self.record.clear()
+            self.record.update(before)
+            self.record["review"]["kept"] = str(error)
+            return inserted
+
+    def _sandbox(self) -> Sandbox:
+        """Return a sandbox; scripts of the rules are trusted on systems that cannot confine them."""
+        return Sandbox(self._room.geometry_free_text, self._settings.sandbox, self._settings.by_rules)
+
+    def _understood(self, where: Plan) -> Wish:
+        """Return the hint as it was parsed; as the plan understood it, where the parser understood nothing."""
+        parsed = self._wish.relations or self._wish.missing or not self._request.hint
+        return self._wish if parsed else planned_place(where)
+
+    def _ask_plan(self, failed: FailedPlan | None) -> Plan:
+        """Ask for a plan, or for another one after a plan without room."""
+        room = self._room
+        with step(self.record, "plan again" if failed else "plan") as result:
+            text, retries = describe.text(room.lines), self._settings.retries
+            answer = plan(self._model, room.scene, self._facts, text, retries, self.usage, failed)
+            result |= answer.said()
+            if answer.declined and not failed:
+                raise self._declined(answer, "; name one with prompt=...")
+        return answer
+
+    def _declined(self, answer: Plan, remedy: str = "") -> NoRoom:
+        return NoRoom(f"no place for {self._request.label!r}: {answer.declined[:300]}{remedy}")
+
+    def _ask_size(self, where: Plan) -> Size:
+        """Ask for the size of the object."""
+        height, longest = self._extents(where)
+        question = {"label": self._facts["label"], "sides": self._facts["sides"], "stated": self._file.unit}
+        question |= {"height": float(f"{height:.3g}"), "longest": float(f"{longest:.3g}")}
+        question |= describe.context_of(self._room.scene, self._room.supports, where, self._settings.neighbours)
+        return size(self._model, question, self._settings.retries, self.usage)
+
+    def _extents(self, where: Plan) -> tuple[float, float]:
+        """Return the object's height and longest side in the file's unit."""
+        sides = np.ptp(self._file.mesh.bounds, axis=0)
+        return float(sides["xyz".index(where.up[1])]), float(sides.max())
+
+    def _fit(self, where: Plan) -> ScaleFit:
+        return fit_scale(self._size, *self._extents(where), self._file.unit)
+
+    def _upright(self, where: Plan, scale: float) -> Mesh:
+        return upright(self._file, where.up, where.front, scale, where.hangs)
+
+    def _place(self, failed: FailedPlan | None) -> tuple[Plan, Mesh, float, CandidatePose]:
+        """Find a pose; ask for another plan while there is no room, or one only where an earlier plan failed.
+
+        Returns:
+            The plan, the object upright and to scale [m], its scale (metres per unit of the file), and the candidate pose.
+        """
+        where = self._ask_plan(failed) if failed else self._plan
+        assert where is not None
+        if where.declined:
+            raise self._declined(where)
+        for left in reversed(range(1 if failed else self._settings.plans)):
+            try:
+                lines = [] if self._request.hint else self._room.lines
+                where = apart_from_likes(where, self._request.label, lines, last=not left)
+                fit = self._fit(where)
+                object = self._upright(where, fit.scale)
+                sides = [round(float(side), 4) for side in np.ptp(object.bounds, axis=0)]
+                self.record["scale"] |= vars(fit) | {"size": sides}
+                return where, object, fit.scale, self._stable_candidate(object, where, anyhow=not left)
+            except NoRoom as full:
+                if not left:
+                    raise
+                where = self._ask_plan(FailedPlan(where, full.summary, full.unstable))
+                if where.declined:
+                    raise
+        raise AssertionError("plans is at least 1")
+
+    def _stable_candidate(self, object: Mesh, where: Plan, anyhow: bool) -> CandidatePose:
+        """Return the first candidate pose, in the order of the plan, at which the object stays.
+
+        Args:
+            object: upright, in metres.
+            where: the plan.
+            anyhow: Turn a large object's side or back to the room where there is no other place.
+
+        Raises:
+            NoRoom: there is none.
+        """
+        room, config, record = self._room, self._settings.placement, self.record
+        unstable = False
+        keeps: dict[Wish, Keep | None] = {}
+
+        def check(candidate: CandidatePose) -> Record:
+            nonlocal unstable
+            with step(record, "verify") as result:
+                result.pop("rest", None)  # of earlier candidates
+                outcome = self._check(object, candidate, room.scene)
+                result |= outcome
+            unstable = unstable or outcome.get("unstable", False)
+            return outcome
+
+        for wish, pose in self._searches(object, where, anyhow):
+            if pose is config.pose and pose.pose == "search" and unstable:
+                continue  # it would fall over however it is turned
+            reasons: list[str] = []
+            if wish not in keeps:
+                keeps[wish] = allowed(wish, room.scene, object)
+            poses = candidate_poses(room, object, where, config, pose, reasons, keeps[wish])
+            unheeded = partial(_unheeded, room, object, wish)
+            with step(record, "pose") as result:
+                candidate = stable_pose(room, object, poses, check, unheeded, config.pose, reasons)
+                if candidate is not None:
+                    result |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
+                    record["surface"] = {**candidate.surface, "passed over": reasons}
+                    return candidate
+        record["surface"] = {"passed over": reasons}
+        summary = f"no place for {record['label']!r}: {'; '.join(reasons)}"
+        raise NoRoom(summary, unstable=unstable, remedy="; name another place with prompt=...")
+
+    def _searches(self, object: Mesh, where: Plan, anyhow: bool) -> Iterator[tuple[Wish, PoseConfig]]:
+        """Yield what is searched for: squarely first, and first where the plan has it; other turns before giving up a hint."""
+        hint = self._understood(where)
+        preferred = Wish((*hint.relations, *planned_place(where).relations))
+        for wishes in ((preferred, hint), (Wish(),))[: 2 if self._settings.wish == "prefer" else 1]:
+            for pose in facing_first(object, self._settings.placement.pose, anyhow):
+                for wish in dict.fromkeys(wishes):
+                    yield wish, pose
 
 
-def planned(context: InsertContext, request: ObjectRequest) -> Planned:
-    """Read an object, and ask where it goes and how large it is."""
-    check_words(request.label, request.hint)
-    room, config, record = context.room, context.config, context.record
-    file = read_object(request.file, config.object)
-    wish = read_wish(request.hint, room.scene)
-    if config.wish == "heed":
-        decline(wish, request.hint, room.scene, understood=not config.rules)
-    with step(record, "describe") as result:
-        result |= {"parts": len(room.lines), "tokens": tokens(describe.text(room.lines))}
-    with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox:
-        sandbox.check_guarantees()  # before the model is asked: its answers may cost money
-    facts = _facts(file, request, room.lines)
-    where = _plan(context, facts, None)
-    with step(record, "scale") as result:
-        answer = _size(context, facts, file, where)
-        result |= vars(answer)
-    return Planned(request, file, facts, wish, where, answer)
-
-
-def fixed(context: InsertContext, planned: Planned, failed: FailedPlan | None = None) -> Inserted:
-    """Find the pose of a planned object in the room as it is now, and author it; by another plan, if one failed."""
-    room, record, request, config = context.room, context.record, planned.request, context.config
-    where, object, scale, candidate = _place(context, planned, failed)
-    if request.hint:
-        record["wish"] = verdict(_wish(planned, where), request.hint, room.scene, candidate.pose.moved(object))
-    model = context.model if config.script == "model" else write_scripts
-    with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox, step(record, "script") as result:
-        prim = placement(room.scene, request.label, candidate.pose, scale)
-        script = author(model, sandbox, prim, context.usage, result)
-    own = upright(planned.file, where.up, where.front, 1.0, where.hangs)
-    return Inserted(prim, candidate, Part(request.label, candidate.pose.moved(object)), own, script.layer, where)
-
-
-def _wish(planned: Planned, where: Plan) -> Wish:
-    """Return the wish as it was parsed; as the plan understood it, where the parser understood nothing."""
-    understood = planned.wish.relations or planned.wish.missing or not planned.request.hint
-    return planned.wish if understood else planned_place(where)
+def _unheeded(room: RoomState, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:
+    """Return the relation of a hint that a candidate does not have, as a clause; empty if it has all."""
+    return objection(wish, room.scene, candidate.pose.moved(object)) if wish.relations else ""
 
 
 def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Record:
     """Return the facts about an object that go into the model's questions."""
-    sides = [float(f"{side:.3g}") for side in np.ptp(file.mesh.bounds, axis=0)]
     return {
         "label": request.label,
-        "sides": sides,
+        "sides": [float(f"{side:.3g}") for side in np.ptp(file.mesh.bounds, axis=0)],
         "format": request.file.suffix.lower().lstrip("."),
         "up": file.up,
         "feet": tilt_margins(file.mesh),
@@ -234,64 +369,10 @@ def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Rec
     }
 
 
-def _place(
-    context: InsertContext, planned: Planned, failed: FailedPlan | None
-) -> tuple[Plan, Mesh, float, CandidatePose]:
-    """Find a pose; ask for another plan while there is no room, or one only where an earlier plan failed.
-
-    Returns:
-        The plan, the object upright and to scale [m], its scale (metres per unit of the file), and the candidate pose.
-    """
-    where = _plan(context, planned.facts, failed) if failed else planned.where
-    if where.declined:
-        raise NoRoom(f"no place for {planned.request.label!r}: {where.declined[:300]}")
-    for left in reversed(range(1 if failed else context.config.plans)):
-        try:
-            lines = [] if planned.request.hint else context.room.lines
-            where = apart_from_likes(where, planned.request.label, lines, last=not left)
-            return where, *_pose(context, planned, where, anyhow=not left)
-        except NoRoom as full:
-            if not left:
-                raise
-            where = _plan(context, planned.facts, FailedPlan(where, full.summary, full.unstable))
-            if where.declined:
-                raise
-    raise AssertionError("plans is at least 1")
-
-
-def _plan(context: InsertContext, facts: Record, failed: FailedPlan | None) -> Plan:
-    """Ask for a plan, or for another one after a plan without room."""
-    with step(context.record, "plan again" if failed else "plan") as result:
-        text = describe.text(context.room.lines)
-        scene, retries = context.room.scene, context.config.retries
-        found = plan(context.model, scene, facts, text, retries, context.usage, failed)
-        result |= found.said()
-        if found.declined and not failed:
-            raise NoRoom(f"no place for {facts['label']!r}: {found.declined[:300]}; name one with prompt=...")
-    return found
-
-
-def _size(context: InsertContext, facts: Record, file: ObjectFile, where: Plan) -> Size:
-    """Ask for the size of the object."""
-    room, config = context.room, context.config
-    height, longest = _extents(file, where)
-    question = {"label": facts["label"], "sides": facts["sides"], "stated": file.unit}
-    question |= {"height": float(f"{height:.3g}"), "longest": float(f"{longest:.3g}")}
-    question |= describe.context_of(room.scene, room.supports, where, config.neighbours)
-    return size(context.model, question, config.retries, context.usage)
-
-
-def _extents(file: ObjectFile, where: Plan) -> tuple[float, float]:
-    """Return an object's height and longest side in the file's unit."""
-    sides = np.ptp(file.mesh.bounds, axis=0)
-    return float(sides["xyz".index(where.up[1])]), float(sides.max())
-
-
-def _pose(context: InsertContext, planned: Planned, where: Plan, anyhow: bool) -> tuple[Mesh, float, CandidatePose]:
-    """Return the object upright and to scale [m], its scale (metres per unit of the file), and its candidate pose."""
-    file = planned.file
-    found = fit_scale(planned.answer, *_extents(file, where), file.unit)
-    object = upright(file, where.up, where.front, found.scale, where.hangs)
-    sides = np.ptp(object.bounds, axis=0)
-    context.record["scale"] |= vars(found) | {"size": [round(float(side), 4) for side in sides]}
-    return object, found.scale, stable_candidate(context, object, where, _wish(planned, where), anyhow)
+def attempt(
+    room: RoomState, request: ObjectRequest, model: Model, settings: InsertSettings
+) -> tuple[Inserted | None, Record]:
+    """Insert an object; return it, or None, and its record, whose `problem` says why it failed."""
+    one = Attempt(room, request, model, settings)
+    one.plan()
+    return one.fix(), one.finished()

@@ -9,8 +9,7 @@ from typing import Any
 
 from pxr import Sdf
 
-from s2a.language.insert.placement import ORIENTATION, POSITION, Placement
-from s2a.language.sandbox.diff import TAXONOMY
+from s2a.language.sandbox.diff import ORIENTATION, POSITION, TAXONOMY, Placement
 from s2a.language.sandbox.jail import STAGE, Sandbox
 from s2a.language.sandbox.policy import check
 
@@ -36,7 +35,7 @@ class ScriptResult:
     """Result of a script.
 
     Attributes:
-        layer: `/scene` with the new prim, as the script wrote it; `s2a.language.insert.author.write` puts it over a stage.
+        layer: `/scene` with the new prim, as the script wrote it; `s2a.language.insert.pipeline.write` puts it over a stage.
         record: plain values for the JSON record: the active sandbox layers, what they left exposed, seconds, the script.
     """
 

@@ -1,4 +1,4 @@
-"""Settings of an insertion: the keys of `s2a insert`, and how they become the pipeline's configuration."""
+"""Settings of an insertion, the keys of `s2a insert`; an object that is requested, and one in its place."""
 
 from __future__ import annotations
 
@@ -6,35 +6,67 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from pxr import Sdf
+
 from s2a.core.bounds import Count, CountFromZero
-from s2a.language.insert.context import InsertConfig
+from s2a.language.client import LlmConfig, kind_of
 from s2a.language.insert.object_file import ObjectConfig
-from s2a.language.insert.place.contact import PoseConfig
-from s2a.language.insert.place.supports import SurfaceConfig
+from s2a.language.insert.plan import Plan
+from s2a.language.insert.poses import CandidatePose, PoseConfig
 from s2a.language.insert.stability import DropTestConfig, HullsConfig
-from s2a.language.llm.client import LlmConfig, kind_of
+from s2a.language.insert.supports import SurfaceConfig
+from s2a.language.sandbox.diff import Placement
 from s2a.language.sandbox.jail import SandboxConfig
 from s2a.scene.geometry.camera import OrbitCamera
-from s2a.scene.geometry.planes import RansacConfig
-from s2a.scene.geometry.regions import RegionConfig
+from s2a.scene.scene import Mesh, Part
 
 
 @dataclass(frozen=True)
-class PlacementConfig:
+class ObjectRequest:
+    """An object to insert.
+
+    Attributes:
+        file: a mesh or a USD stage.
+        label: name of the object in any words.
+        hint: placement hint in words, such as "next to the keyboard", or empty.
+    """
+
+    file: Path
+    label: str
+    hint: str = ""
+
+
+@dataclass(frozen=True)
+class Inserted:
+    """An object in its place.
+
+    Attributes:
+        placement: id, reference and pose.
+        candidate: the candidate pose that was accepted.
+        part: the object as a part of the room, scene coordinates.
+        mesh: its surface upright, in the unit of its file, as its own USD file holds it.
+        layer: USD layer that the script made.
+        plan: the plan by which it was placed.
+    """
+
+    placement: Placement
+    candidate: CandidatePose
+    part: Part
+    mesh: Mesh
+    layer: Sdf.Layer
+    plan: Plan
+
+
+@dataclass(frozen=True)
+class PlacementConfig(SurfaceConfig):
     """Placement of an object.
 
     Attributes:
-        regions: growth of support regions.
-        surface: "regions" or "ransac".
-        ransac: the baseline's plane.
         pose: search for poses.
         drop_test: check that the object stays.
         object: reading of object files.
     """
 
-    regions: RegionConfig
-    surface: Literal["regions", "ransac"]
-    ransac: RansacConfig
     pose: PoseConfig
     drop_test: DropTestConfig
     object: ObjectConfig
@@ -92,19 +124,6 @@ class InsertSettings:
     camera: OrbitCamera
 
     @property
-    def pipeline(self) -> InsertConfig:
-        """Configuration of the pipeline; scripts of the rules are our own and trusted."""
-        placement = self.placement
-        return InsertConfig(
-            SurfaceConfig(placement.surface, placement.regions, placement.ransac),
-            placement.pose,
-            placement.object,
-            self.sandbox,
-            self.retries,
-            self.plans,
-            self.neighbours,
-            self.wish,
-            self.script,
-            rules=kind_of(self.llm) == "rules",
-            trusted=kind_of(self.llm) == "rules",
-        )
+    def by_rules(self) -> bool:
+        """No model reads the hint; the scripts are our own, and trusted."""
+        return kind_of(self.llm) == "rules"

@@ -12,18 +12,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.core.bounds import AtLeast, Count, Fraction
-from s2a.language.insert.context import StabilityCheck
+from s2a.language.ask import Record
 from s2a.language.insert.describe import RoomState
 from s2a.language.insert.drop_test import DropTestConfig, drop_test
-from s2a.language.insert.place.candidate_poses import CandidatePose
-from s2a.language.insert.place.contact import PoseConfig
-from s2a.language.insert.place.fit import COLLISION, Pose, moved_into_contact, placement_conflict, reaching_into
-from s2a.language.insert.place.supports import nearby
-from s2a.language.llm.ask import Record
+from s2a.language.insert.fit import COLLISION, Pose, moved_into_contact, placement_conflict, reaching_into
+from s2a.language.insert.poses import CandidatePose, PoseConfig
+from s2a.language.insert.supports import nearby
 from s2a.scene.geometry.convex import hull, one_hull
 from s2a.scene.geometry.mesh_ops import sample
 from s2a.scene.scene import Mesh, Scene
 
+StabilityCheck = Callable[[Mesh, CandidatePose, Scene], Record]
+"""(upright object, candidate pose, room) -> results with the key `problem`, empty if the object stays."""
 UP_HOLDS = np.radians(15.0)
 """Largest tilt at which what rests still has its up [rad]."""
 STRAYED = 0.15

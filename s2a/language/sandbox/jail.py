@@ -25,11 +25,10 @@ from pxr import Sdf
 from s2a.core.bounds import Count, Positive
 from s2a.core.errors import InputError
 from s2a.core.outputs import temporary_folder
-from s2a.language.insert.placement import Placement
-from s2a.language.sandbox.layers import INODES, MEBIBYTE
+from s2a.language.sandbox.diff import Placement
 from s2a.language.sandbox.operations import PolicyViolation
 from s2a.language.sandbox.policy import AllowConfig
-from s2a.language.sandbox.worker import GUARANTEES
+from s2a.language.sandbox.worker import GUARANTEES, INODES, MEBIBYTE
 
 START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.language.sandbox.{} import main; main(int(sys.argv[1]))"
 REPORT = 1 << 16

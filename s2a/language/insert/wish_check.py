@@ -12,11 +12,11 @@ from scipy.spatial import cKDTree
 
 from s2a.core.config import nearest
 from s2a.core.errors import InputError
-from s2a.language.insert.place.preferences import floor_height
-from s2a.language.insert.place.serves import front, visible_from
-from s2a.language.insert.place.supports import target_mesh
 from s2a.language.insert.plan import Plan
-from s2a.language.insert.wishes.parse import Relation, Wish, is_kind_of, parse_wish
+from s2a.language.insert.search import floor_height
+from s2a.language.insert.serves import front, visible_from
+from s2a.language.insert.supports import target_mesh
+from s2a.language.insert.wish import Relation, Wish, is_kind_of, parse_wish
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_query import ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene

@@ -58,7 +58,7 @@ class Answer:
         text: the answer.
         model: name of the model.
         seconds: duration.
-        prompt_tokens: of the request, as the model counts, or an estimate (`s2a.language.llm.ask.tokens`); 0 without a
+        prompt_tokens: of the request, as the model counts, or an estimate (`s2a.language.ask.tokens`); 0 without a
         model. completion_tokens: of the answer.
         note: remark for the record.
     """

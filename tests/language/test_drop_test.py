@@ -156,7 +156,7 @@ def test_rest_is_judged_by_a_speed_that_does_not_change() -> None:
 
     def rests(speed: np.ndarray) -> bool:
         speeds = np.concatenate([np.zeros((50, 5)), speed], axis=1)
-        return settling._rests(speeds, speeds[-1], 1.8, CONFIG)
+        return settling.rests(speeds, speeds[-1], 1.8, CONFIG)
 
     assert rests(1e-5 + 0.0 * time)
     assert not rests(1e-3 + 0.0 * time)  # 1.8 mm in the time that is left

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.core.errors import InputError
-from s2a.language.insert.placement import ORIENTATION, POSITION
+from s2a.language.sandbox.diff import ORIENTATION, POSITION
 from s2a.scene.geometry.convex import halfspaces, sweep
 from s2a.scene.geometry.mesh_ops import merge, sample
 from s2a.scene.geometry.mesh_query import RayMesh, crossing, depth, inside, ray_mesh, visible_distance

@@ -1,4 +1,4 @@
-"""The rule-based fallback: answers the questions for models from a table of usual places and sizes (`s2a.language.llm.rules`)."""
+"""The rule-based fallback: answers to the questions for models, from a table of usual places and sizes."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from s2a.language.insert.place.stable_pose import AXES, sideways
-from s2a.language.insert.placement import Placement
+from s2a.language.ask import Answer, Request
+from s2a.language.insert.plan import FLAT, Range
 from s2a.language.insert.prompts import write_script
-from s2a.language.insert.scale import FLAT, Range
-from s2a.language.insert.wishes.choices import parse_hint
-from s2a.language.insert.wishes.parse import BEDDING, is_kind_of
-from s2a.language.llm.ask import Answer, Request
+from s2a.language.insert.stable_pose import AXES, sideways
+from s2a.language.insert.wish import BEDDING, is_kind_of, parse_hint
 
 FOLDER = Path(__file__).parent
 LIKE = 0.86
@@ -195,7 +193,7 @@ def _size(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
 
 def write_scripts(request: Request) -> Answer:
     """Answer a question for a script: it copies the plan."""
-    return Answer(write_script(_placement(request.facts)), "plan")
+    return Answer(write_script(request.facts["plan"]), "plan")
 
 
 def _plan(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
@@ -366,15 +364,3 @@ def _depth(facts: Any) -> str:
 
 def _is_sheet(facts: Any) -> bool:
     return bool(min(facts["sides"]) < SHEET * max(facts["sides"]))
-
-
-def _placement(facts: Any) -> Placement:
-    """Read the placement from the facts of a script."""
-    return Placement(
-        facts["id"],
-        facts["label"],
-        facts["reference"],
-        tuple(facts["translate"]),
-        tuple(facts["orient"]),
-        facts["scale"],
-    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from s2a.core.bounds import Count, CountFromZero, NotNegative
 from s2a.core.errors import InputError
-from s2a.language.insert.place.fit import NoRoom, Pose
+from s2a.language.insert.fit import NoRoom, Pose
 from s2a.scene.geometry.mesh_ops import keep, merge
 from s2a.scene.geometry.mesh_query import crossing, ray_mesh, visible_distance
 from s2a.scene.geometry.planes import Plane, RansacConfig, ransac_plane

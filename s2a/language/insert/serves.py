@@ -6,10 +6,9 @@ from enum import IntEnum
 
 import numpy as np
 
-from s2a.language.insert.place.preferences import floor_height
-from s2a.language.insert.place.search import Keep
-from s2a.language.insert.place.supports import facing, is_floor, middle_of, nearby, target_mesh
-from s2a.language.insert.wishes.parse import is_kind_of
+from s2a.language.insert.search import Keep, floor_height
+from s2a.language.insert.supports import facing, is_floor, middle_of, nearby, target_mesh
+from s2a.language.insert.wish import is_kind_of
 from s2a.scene.geometry.mesh_ops import normals, sample
 from s2a.scene.geometry.mesh_query import RayMesh, ray_mesh, visible_distance
 from s2a.scene.geometry.regions import Region

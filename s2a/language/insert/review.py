@@ -1,8 +1,7 @@
-"""The insertion of one object in two steps, planning and fixing, with its record."""
+"""The review of an object in its place: the camera poses that show it best, and a model's verdict on the images."""
 
 from __future__ import annotations
 
-import copy
 import io
 from dataclasses import dataclass, replace
 
@@ -10,16 +9,10 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from s2a.core.errors import InputError
+from s2a.language.ask import Model, Record, Request, UsageLog, ask, parse
 from s2a.language.insert import prompts
-from s2a.language.insert.context import InsertContext, Inserted, ObjectRequest
-from s2a.language.insert.describe import RoomState
-from s2a.language.insert.pipeline import Planned, fixed, planned
-from s2a.language.insert.place.preferences import floor_height
-from s2a.language.insert.plan import FailedPlan
-from s2a.language.insert.settings import InsertSettings
-from s2a.language.insert.stability import drop_check
-from s2a.language.llm.ask import Model, Record, Request, UsageLog, ask, parse, step
+from s2a.language.insert.search import floor_height
+from s2a.language.insert.settings import Inserted, InsertSettings
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera
 from s2a.scene.geometry.mesh_ops import merge, sample
 from s2a.scene.geometry.mesh_query import ray_mesh, visible_distance
@@ -120,29 +113,25 @@ class ReviewVerdict:
     problem: str
 
 
-def reviewed(context: InsertContext, planned: Planned, inserted: Inserted, camera: OrbitCamera) -> Inserted:
-    """Return an insertion that a model finds right, else one by another plan, else the first one.
+def reviewed(model: Model, room: Scene, inserted: Inserted, settings: InsertSettings, usage: UsageLog) -> ReviewVerdict:
+    """Ask a model that sees whether an object looks right in its place, in two images of it.
 
     Args:
-        context: of the insertion; its record gets the step "review".
-        planned: the object.
+        model: the language model.
+        room: without the object.
         inserted: the object in its place.
-        camera: intrinsics and framing of the image.
+        settings: intrinsics and framing of the images, and how many answers may be rejected.
+        usage: log of the answers, appended to.
     """
-    with step(context.record, "review") as said:
-        verdict = _verdict(context, inserted, camera)
-        said |= vars(verdict)
-    if verdict.right:
-        return inserted
-    before = copy.deepcopy(context.record)
-    failed = FailedPlan(inserted.plan, f"It was put there, and does not look right: {verdict.problem[:500]}", False)
-    try:
-        return fixed(context, planned, failed)
-    except InputError as error:
-        context.record.clear()
-        context.record.update(before)
-        context.record["review"]["kept"] = str(error)
-        return inserted
+    parts = {**room.parts, inserted.placement.part_id: inserted.part}
+    scene, camera = Scene(room.name, parts, room.origin), settings.camera
+    camera = replace(camera, width=WIDTH, height=round(WIDTH * camera.height / camera.width), samples=1)
+    meshes = [part.mesh for part in parts.values()]
+    images = tuple(_png(render(meshes, pose, camera)) for pose in wide_and_close(inserted, scene, camera))
+    question = _question(inserted, scene)
+    text = prompts.review_question(question)
+    request = Request("review", prompts.REVIEW, (("user", text),), prompts.REVIEW_SCHEMA, question, images)
+    return ask(model, request, lambda text: parse(text, ReviewVerdict), settings.retries, usage)
 
 
 def image_pose(inserted: Inserted, scene: Scene, camera: OrbitCamera) -> CameraPose:
@@ -160,18 +149,6 @@ def wide_and_close(inserted: Inserted, scene: Scene, camera: OrbitCamera) -> tup
     return wide, CameraPose(tuple((wide.target + nearer * away).tolist()), wide.target)
 
 
-def _verdict(context: InsertContext, inserted: Inserted, camera: OrbitCamera) -> ReviewVerdict:
-    parts = {**context.room.scene.parts, inserted.placement.part_id: inserted.part}
-    scene = Scene(context.room.scene.name, parts, context.room.scene.origin)
-    meshes = [part.mesh for part in parts.values()]
-    camera = replace(camera, width=WIDTH, height=round(WIDTH * camera.height / camera.width), samples=1)
-    images = tuple(_png(render(meshes, pose, camera)) for pose in wide_and_close(inserted, scene, camera))
-    question = _question(inserted, scene)
-    text = prompts.review_question(question)
-    request = Request("review", prompts.REVIEW, (("user", text),), prompts.REVIEW_SCHEMA, question, images)
-    return ask(context.model, request, lambda text: parse(text, ReviewVerdict), context.config.retries, context.usage)
-
-
 def _question(inserted: Inserted, scene: Scene) -> Record:
     """Return the facts of the question; no pose is in it, so that a recording answers it after a small change of the search."""
     choice = inserted.candidate.choice
@@ -185,59 +162,3 @@ def _png(pixels: np.ndarray) -> bytes:
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, format="PNG", optimize=True)
     return file.getvalue()
-
-
-class Attempt:
-    """An insertion.
-
-    Attributes:
-        problem: why it failed; empty while it did not.
-    """
-
-    def __init__(self, room: RoomState, request: ObjectRequest, model: Model, settings: InsertSettings) -> None:
-        self._usage, self._request, self._settings = UsageLog(settings.llm.prices), request, settings
-        self._record: Record = {"object": str(request.file), "label": request.label, "hint": request.hint}
-        check = drop_check(settings.hulls, settings.placement.drop_test)
-        self._context = InsertContext(room, model, settings.pipeline, check, self._usage, self._record)
-        self._planned: Planned | None = None
-        self.problem = ""
-
-    @property
-    def footprint(self) -> float:
-        """Area that the object takes [m^2]; 0 if its planning failed."""
-        return self._planned.footprint if self._planned else 0.0
-
-    def plan(self) -> None:
-        """Plan its place."""
-        try:
-            self._planned = planned(self._context, self._request)
-        except InputError as error:
-            self.problem = str(error)
-
-    def fix(self) -> Inserted | None:
-        """Find its pose in the room as it is now; None if that fails, or its planning did."""
-        if self._planned is None:
-            return None
-        try:
-            inserted = fixed(self._context, self._planned)
-            if self._settings.review and not self._context.config.rules:
-                inserted = reviewed(self._context, self._planned, inserted, self._settings.camera)
-        except InputError as error:
-            self.problem = str(error)
-            return None
-        self._record["id"] = inserted.placement.part_id
-        return inserted
-
-    def finished(self) -> Record:
-        """Return the record: results by step, the model's answers, and `problem`, which says why it failed."""
-        about = {"problem": self.problem, "answers": self._usage.entries, "total": self._usage.total()}
-        return self._record | about
-
-
-def attempt(
-    room: RoomState, request: ObjectRequest, model: Model, settings: InsertSettings
-) -> tuple[Inserted | None, Record]:
-    """Insert an object; return it, or None, and its record, whose `problem` says why it failed."""
-    one = Attempt(room, request, model, settings)
-    one.plan()
-    return one.fix(), one.finished()

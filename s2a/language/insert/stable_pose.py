@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from s2a.language.insert.place.fit import rays
+from s2a.language.insert.fit import rays
 from s2a.scene.geometry.mesh_ops import normals, sample
 from s2a.scene.geometry.mesh_query import RayMesh, visible_distance
 from s2a.scene.scene import Mesh

@@ -19,8 +19,8 @@ from typing import Any, Literal, TypeVar
 from s2a.core.bounds import Count, CountFromZero, NotNegative, Positive
 from s2a.core.errors import InputError, encodable, printable
 from s2a.core.outputs import atomic_write
-from s2a.language.llm.ask import Answer, Model, Request, is_count, tokens
-from s2a.language.llm.rules import rules
+from s2a.language.ask import Answer, Model, Request, is_count, tokens
+from s2a.language.insert.rules import rules
 
 EXACT = re.compile(r"(?<![\w.])-?\d+\.\d{4,}(?![\w.])")
 """Numbers of a pose in the question for a script. A recording has a slot for each, because the same question may come

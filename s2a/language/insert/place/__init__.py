@@ -1,1 +1,0 @@
-"""Placement of an object: supports, candidates, poses, fit."""

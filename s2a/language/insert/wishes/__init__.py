@@ -1,1 +1,0 @@
-"""Wishes in words: parsed into relations, and checked on the result."""

@@ -1,1 +1,0 @@
-"""Language models: a client for any endpoint, recorded answers, a rule-based fallback."""

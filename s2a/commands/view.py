@@ -14,9 +14,7 @@ from s2a.core.bounds import AtLeast, Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, require_png
 from s2a.core.progress import report
-from s2a.scan.folder import mesh_remedy
-from s2a.scan.tree import tree
-from s2a.scan.visuals import Visible, visible
+from s2a.scan.visuals import Visible, tree, visible
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.scene.geometry.mesh_ops import painted
 from s2a.scene.scene import Mesh
@@ -25,10 +23,6 @@ from s2a.view.page import cards
 from s2a.view.page.glb import thinned
 from s2a.view.page.room import PageRoom, hue, read
 
-DATASET = "meta/s2a.json"
-"""By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episodes.ABOUT`, which needs the extra "sim")."""
-PACKAGE = ".usdz"
-"""Ending of a room with all its files in one; a scanning app's package is no room, which opening it says."""
 FILE_FACES = 320_000
 """Faces that a file of 10 MB has room for, with and without their scanned colours."""
 
@@ -82,13 +76,9 @@ def run(config: Config) -> str:
         raise InputError(f"{config.path}: does not exist; give a scan's folder, or a {', '.join(ENCODINGS)} file")
     if config.stage:
         return _play(config, config.stage)
-    if config.path.suffix == ".npz" or (config.path / DATASET).is_file():
-        raise InputError(f"{config.path} is played in its room; give stage= the sim.usd, too, and page=true")
     stage, noted = cards.of_path(config.path)
     inserted = cards.inserted(config.path, noted)
     config = replace(config, path=stage)
-    if config.path.suffix.lower() != PACKAGE and (remedy := mesh_remedy(config.path)):
-        raise InputError(f"{config.path}: {remedy}, in a folder of its own, and give that folder")
     if config.image:
         require_png(config.image)
     _refuse_keys(config)

@@ -19,7 +19,7 @@ from s2a import __main__ as entry
 from s2a.commands import cli
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.scan.tree import tree
+from s2a.scan.visuals import tree
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 from s2a.scene.usd import descriptive, geometric
 

@@ -9,7 +9,7 @@ from usd_room import room
 
 from s2a import scan
 from s2a.core.errors import InputError
-from s2a.scan.tree import tree
+from s2a.scan.visuals import tree
 from s2a.scene.usd import descriptive, geometric
 
 

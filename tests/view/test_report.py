@@ -84,6 +84,8 @@ def run_folder(folder: Path, **changes: Any) -> Path:
         ("many_parts_training", ["3421", "opened, grasped"]),
         ("insertion_rules", ["91.0 % [83.8, 95.2]", "All 100 rows"]),
         ("number_of_parts", ["All 15 rows", "81920000"]),
+        ("wishes_rules", ["relation", "back edge"]),
+        ("home_reach", ["Table"]),
     ],
 )
 def test_published_results_become_pages_that_stand_alone(name: str, words: list[str]) -> None:
@@ -184,7 +186,7 @@ def test_what_cannot_be_reported_is_refused_with_what_can(tmp_path: Path, capsys
     empty.mkdir()
     binary = tmp_path / "room.usd"
     binary.write_bytes(b"PXR-USDC\x00\xff\xfe")
-    for path, words in ((empty, "holds no run"), (binary, "not JSON"), (tmp_path / "no", "does not exist")):
+    for path, words in ((empty, "cannot be reported"), (binary, "not JSON"), (tmp_path / "no", "does not exist")):
         with pytest.raises(InputError, match=words):
             read(path)
     planner = RESULTS / "many_parts_cpu.json"

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from s2a.core.errors import InputError
+from s2a.scene import artefacts
+from s2a.scene.artefacts import Artefact
 from s2a.scene.scene import Joint
 from s2a.scene.usd.stamp import content_hash
 from s2a.view.page.room import PagePart, PageRoom, unit
@@ -29,15 +31,14 @@ def of_path(path: Path) -> tuple[Path, dict[str, Note]]:
     Raises:
         InputError: a damaged file, or one whose stage does not exist.
     """
-    for name, read in ((REPORT, _validation), (INSERTION, _insertion)):
-        if (path / name).is_file():
-            return _read(path / name, read)
-    return path, {}
+    row = artefacts.recognised(path, "notes")
+    return row.notes(path) if row and row.notes else (path, {})
 
 
 def inserted(path: Path, noted: Mapping[str, Note]) -> tuple[str, ...]:
     """Return the ids of what an insertion put there, in its order; none for other paths."""
-    return tuple(noted) if (path / INSERTION).is_file() and not (path / REPORT).is_file() else ()
+    row = artefacts.recognised(path, "notes")
+    return tuple(noted) if row and row.name == INSERTED else ()
 
 
 def _read(
@@ -163,3 +164,16 @@ def _table(title: str, values: Iterable[tuple[str, str]]) -> str:
 
 def _numbers(values: tuple[float, ...]) -> str:
     return f"({', '.join(f'{round(value, 3) + 0.0:g}' for value in values)})"
+
+
+INSERTED = "a folder of s2a insert"
+artefacts.register(
+    Artefact(
+        "a folder of s2a certify",
+        lambda path: (path / REPORT).is_file(),
+        notes=lambda path: _read(path / REPORT, _validation),
+    ),
+    Artefact(
+        INSERTED, lambda path: (path / INSERTION).is_file(), notes=lambda path: _read(path / INSERTION, _insertion)
+    ),
+)

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from s2a.core import config
-from s2a.core.errors import InputError
 from s2a.scan import visuals
+from s2a.scene import artefacts
+from s2a.scene.artefacts import Artefact
 from s2a.scene.articulation import transform
 from s2a.scene.geometry.mesh_ops import keep
 from s2a.scene.scene import Joint, Mesh, Motion, Scene
@@ -245,7 +246,7 @@ THINNEST = 1e-3
 
 
 def read(path: Path) -> PageRoom:
-    """Read a scan's folder, or a descriptive, geometric or simulation-ready stage.
+    """Read a scan's folder, a stage, or another artefact with a room (`s2a.scene.artefacts`).
 
     Raises:
         InputError: another file, or a damaged one.
@@ -255,11 +256,8 @@ def read(path: Path) -> PageRoom:
             return of_scene(scene)
         case SimRoom() as room:
             return of_sim_room(room)
-        case dict() as parts:
+        case parts:
             return of_description(path.stem, parts)
-    raise InputError(
-        f"{path}: cannot be shown on a page; give a scan's folder, or a stage of s2a export or s2a prepare"
-    )
 
 
 def of_scene(scene: Scene) -> PageRoom:
@@ -382,3 +380,17 @@ def _box(part: DescribedPart) -> Mesh:
     cos, sin = math.cos(part.yaw), math.sin(part.yaw)
     axes = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return box(np.array(part.center), axes, np.maximum(part.size, THINNEST))
+
+
+DATASET = "meta/s2a.json"
+"""By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episodes.ABOUT`, which needs the extra "sim")."""
+
+
+def _play(path: Path) -> str:
+    return "is played in its room; give stage= the sim.usd, too, and page=true"
+
+
+artefacts.register(
+    Artefact("states of s2a evaluate", lambda path: path.suffix == ".npz", instead=_play),
+    Artefact("a dataset of s2a collect", lambda path: (path / DATASET).is_file(), instead=_play),
+)

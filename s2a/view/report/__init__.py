@@ -5,20 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from s2a.core.errors import InputError
+from s2a.scene import artefacts
+from s2a.scene.artefacts import Artefact, values
 from s2a.view.report import results
-from s2a.view.report import results as training
 from s2a.view.report.document import Document
 
 T = TypeVar("T")
-KINDS = (
-    "a run of s2a train, a folder of such runs, a JSON file of s2a evaluate, s2a bench or experiments/results, "
-    "or a folder or report.json of s2a certify"
-)
 RUNS = ("*", "*/*", "*/*/*")
 """Where the runs of a sweep lie in its folder."""
+RECORD = "report.json"
 DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, ZeroDivisionError, RecursionError)
 """What values of other types, or missing ones, raise while a page is made of them."""
 
@@ -29,9 +27,12 @@ def read(path: Path) -> Document:
     Raises:
         InputError: it does not exist, is nothing that can be reported, or is damaged.
     """
-    if not path.exists():
-        raise InputError(f"{path}: does not exist; give {KINDS}")
-    return _whole(path, _folder if path.is_dir() else _file)
+    row = artefacts.recognised(path, "report")
+    if row is None and path.is_file():
+        _whole(path, _check_json)
+    make = (row or artefacts.find(path, "report")).report
+    assert make is not None
+    return _whole(path, make)
 
 
 def _whole(path: Path, make: Callable[[Path], T]) -> T:
@@ -43,41 +44,79 @@ def _whole(path: Path, make: Callable[[Path], T]) -> T:
         raise InputError(f"{path}: damaged, or of another version ({problem}); write it again") from error
 
 
-def _folder(path: Path) -> Document:
-    if (path / training.SETTINGS).is_file():
-        return training.report(training.of_folder(path))
-    if (path / "report.json").is_file():
-        return _file(path / "report.json")
-    found = sorted(file.parent for depth in RUNS for file in path.glob(f"{depth}/{training.SETTINGS}"))
-    if not found:
-        raise InputError(f"{path}: holds no run and no validation report; give {KINDS}")
-    runs = {str(folder.relative_to(path)): _whole(folder, training.of_folder) for folder in found}
-    return training.compare(f"Sweep {path.name}", training.differing(runs))
-
-
-def _file(path: Path) -> Document:
-    values = _json(path)
-    match values:
-        case {"reports": list()}:
-            return results.validation_report(values, path)
-        case {"curve": list(), "env_steps": _}:
-            settings = path.with_name(training.SETTINGS)
-            kept = json.loads(settings.read_text()) if settings.is_file() else {}
-            return training.report(training.of_metrics(values, path.parent.name if kept else path.stem, kept))
-        case {"runs": [dict(), *_] as runs}:
-            return training.compare(path.stem.replace("_", " "), [training.of_table(run) for run in runs])
-        case {"episodes_a_part": _, "over_parts": dict()}:
-            return results.benchmark(values, path)
-        case {"episodes": int()}:
-            return results.evaluation(values, path)
-        case {"rows": [dict(), *_]}:
-            return results.study_report(values, path)
-    raise InputError(f"{path}: nothing that can be reported; give {KINDS}")
-
-
-def _json(path: Path) -> dict[str, Any]:
+def _check_json(path: Path) -> None:
+    """Raise an InputError for a file that is not JSON."""
     try:
-        values = json.loads(path.read_text())
+        json.loads(path.read_text())
     except ValueError as error:
-        raise InputError(f"{path}: not JSON ({error}); give {KINDS}") from error
-    return values if isinstance(values, dict) else {}
+        raise InputError(f"{path}: not JSON ({error}); give a JSON file of results, or a folder of a run") from error
+
+
+def _runs(path: Path) -> list[Path]:
+    """Return the folders of the runs below a folder."""
+    return sorted(file.parent for depth in RUNS for file in path.glob(f"{depth}/{results.SETTINGS}"))
+
+
+def _sweep(path: Path) -> Document:
+    runs = {str(folder.relative_to(path)): _whole(folder, results.of_folder) for folder in _runs(path)}
+    return results.compare(f"Sweep {path.name}", results.differing(runs))
+
+
+def _metrics(path: Path) -> Document:
+    file = path.with_name(results.SETTINGS)
+    settings = json.loads(file.read_text()) if file.is_file() else {}
+    return results.report(results.of_metrics(values(path), path.parent.name if settings else path.stem, settings))
+
+
+def _has(path: Path, **kinds: type) -> bool:
+    """Return whether a JSON file has these keys, with values of these types."""
+    content = values(path)
+    return all(key in content and isinstance(content[key], kind) for key, kind in kinds.items())
+
+
+def _rows(path: Path, key: str) -> bool:
+    """Return whether a JSON file has a list of records, with at least one, under a key."""
+    return _has(path, **{key: list}) and isinstance(next(iter(values(path)[key]), None), dict)
+
+
+artefacts.register(
+    Artefact(
+        "a run of s2a train",
+        lambda path: (path / results.SETTINGS).is_file(),
+        report=lambda path: results.report(results.of_folder(path)),
+    ),
+    Artefact(
+        "a folder of s2a certify",
+        lambda path: (path / RECORD).is_file(),
+        report=lambda path: results.validation_report(values(path / RECORD), path / RECORD),
+    ),
+    Artefact("a folder of runs", lambda path: path.is_dir() and bool(_runs(path)), report=_sweep),
+    Artefact(
+        "a report.json of s2a certify",
+        lambda path: _has(path, reports=list),
+        report=lambda path: results.validation_report(values(path), path),
+    ),
+    Artefact("a metrics.json of s2a train", lambda path: _has(path, curve=list, env_steps=object), report=_metrics),
+    Artefact(
+        "a JSON table of runs",
+        lambda path: _rows(path, "runs"),
+        report=lambda path: results.compare(
+            path.stem.replace("_", " "), [results.of_table(run) for run in values(path)["runs"]]
+        ),
+    ),
+    Artefact(
+        "a JSON file of s2a bench",
+        lambda path: _has(path, episodes_a_part=object, over_parts=dict),
+        report=lambda path: results.benchmark(values(path), path),
+    ),
+    Artefact(
+        "a JSON file of s2a evaluate",
+        lambda path: _has(path, episodes=int),
+        report=lambda path: results.evaluation(values(path), path),
+    ),
+    Artefact(
+        "a JSON file of a study",
+        lambda path: _rows(path, "rows"),
+        report=lambda path: results.study_report(values(path), path),
+    ),
+)

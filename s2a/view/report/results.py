@@ -133,9 +133,13 @@ def study_report(values: Mapping[str, Any], path: Path) -> Document:
     for key in ("summary", "total"):
         if isinstance(values.get(key), dict):
             sections.append(("Summary", facts({name: value for name, value in leaves(values[key])})))
-    if rows := values.get("table"):
+    if isinstance(rows := values.get("table"), dict):
+        sections.append(("Table", facts({name: value for name, value in leaves(rows)})))
+    elif rows and "success" in rows[0]:
         header = ("category", "method", "of", "", "right [95 %]", *COUNTS)
         sections.append(("By category", table(header, [_counted(row) for row in [*rows, PAPER]])))
+    elif rows:
+        sections.append(("Table", _every(rows)))
     sections.append((f"All {len(values['rows'])} rows", _every(values["rows"])))
     kind = {name: values.get(name) for name in ("llm", "num_envs")}
     about = "; ".join([*(f"{name} {value}" for name, value in kind.items() if value is not None), provenance(values)])

@@ -113,7 +113,7 @@ class Draft:
         faces = handles.find(self.surface, item.region, point) if kind is None else NO_FACES
         if len(faces):
             return self.changed(index, handle=faces, completed="")
-        kind = kind or handles.usual(item.joint)
+        kind = kind or handles.USUAL
         first = len(self.surface.faces)
         taken = [other.front for i, other in enumerate(self.items) if i != index]
         smeared = np.setdiff1d(handles.smeared(self.surface, item.region, point), np.concatenate([NO_FACES, *taken]))

@@ -41,6 +41,10 @@ RADIUS, POST, KNOB = 0.006, 0.0025, 0.016
 put that behind the bar, where the fingertips miss it."""
 LENGTH = {"bar": 0.128, "lever": 0.11}
 """[m] A usual distance between the screws of a bar; a lever's arm."""
+USUAL: Shape = "bar"
+"""The shape that a handle most often has which a mesh does not resolve."""
+INSET, REACH_IN, HAND = 0.05, 0.12, 1.0
+"""[m] A handle's distance from the side that moves most, its middle's from the ends of that side, and the height of a hand."""
 SIDES = 10
 STEEL = (150, 152, 156)
 
@@ -105,9 +109,25 @@ def smeared(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> np
     return np.flatnonzero(standing_out(surface, region) & within & near)
 
 
-def usual(joint: Joint | None) -> Shape:
-    """Return the shape that a handle most often has which a mesh does not resolve."""
-    return "bar"
+def usual_place(region: FrontRegion, joint: Joint | None) -> np.ndarray:
+    """Return the place on a front at which its handle most often is [m], shape [3].
+
+    Drawers have it in their middle. Doors and flaps have it at the side that moves most, doors at the end that is nearer to
+    the height of a standing person's hand: the upper end of floor cabinets, the lower end of wall cabinets.
+    """
+    half = region.size / 2
+    place = np.zeros(2)
+    inset = np.minimum(INSET, half)
+    if joint is not None and joint.kind == "revolute":
+        hinge = region.local(np.array([joint.origin]))[0, :2]
+        across = int(np.argmin(np.abs(region.axes.T @ np.array(joint.axis))))
+        place[across] = -np.sign(hinge[across]) * (half - inset)[across]
+        if across == 0:
+            place[1] = np.clip(HAND - region.center[2], -(half - REACH_IN)[1].clip(0), (half - REACH_IN)[1].clip(0))
+    elif joint is not None and abs(np.array(joint.axis) @ region.normal) < 0.5:
+        way = region.axes.T @ np.array(joint.axis)
+        place = -np.sign(way) * (np.abs(way) > 0.5) * (half - inset)
+    return np.asarray(region.center + region.axes @ place)
 
 
 def rise(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> float:

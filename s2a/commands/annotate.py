@@ -13,6 +13,7 @@ import numpy as np
 from s2a.annotate import existing, files
 from s2a.annotate.annotation import Draft, of_all
 from s2a.annotate.editor import Editor
+from s2a.annotate.propose import furniture
 from s2a.annotate.propose.layers import ProposeConfig
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
@@ -77,7 +78,7 @@ def run(config: Config) -> str:
     refuse_loss(config.out, files.RECORD, [scan.files.mesh])
     surface = scan.surface
     known = existing.read(config.scan, scan.mesh, surface) if config.edit else None
-    start = known.start(surface) if known else _proposed(surface, config) if config.auto else Draft(surface, ())
+    start = known.start(surface) if known else _proposed(scan, surface, config) if config.auto else Draft(surface, ())
     editor = Editor(start, config.grow)
 
     def save(annotation: Draft) -> str:
@@ -99,11 +100,12 @@ def run(config: Config) -> str:
     return ""
 
 
-def _proposed(surface: SplitSurface, config: Config) -> Draft:
+def _proposed(scan: files.BareScan, surface: SplitSurface, config: Config) -> Draft:
     """Return proposals, their borders cut."""
     from s2a.annotate.propose.fronts import cut, propose  # torch takes seconds to load
 
-    return cut(surface, propose(surface, config.propose, config.grow), config.grow)
+    fronts = propose(surface, config.propose, config.grow, labels=furniture.labelled(scan))
+    return cut(surface, fronts, config.grow)
 
 
 def _summary(annotation: Draft, config: Config) -> str:

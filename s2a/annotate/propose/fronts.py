@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from s2a.annotate import handle as handles
 from s2a.annotate.annotation import Draft, Item
+from s2a.annotate.propose.furniture import READY, LabelledFaces
 from s2a.annotate.propose.layers import Layer, Points, ProposeConfig, floor_of, layers, spread
 from s2a.annotate.propose.network import COARSE, MOTIONS, FrontNetwork, Motion, image, load
 from s2a.annotate.region import FrontRegion, GrowConfig, hinge_at, slide
@@ -200,7 +202,11 @@ ALIGNED = 0.6
 
 
 def propose(
-    surface: SplitSurface, config: ProposeConfig, grow: GrowConfig, network: FrontNetwork | None = None
+    surface: SplitSurface,
+    config: ProposeConfig,
+    grow: GrowConfig,
+    network: FrontNetwork | None = None,
+    labels: LabelledFaces | None = None,
 ) -> tuple[Item, ...]:
     """Return proposed parts of a scan, best first; triangles are not split yet, and handles are places.
 
@@ -209,25 +215,34 @@ def propose(
         config: how fronts are proposed.
         grow: how far before and behind a plane faces belong to a front.
         network: what sees fronts; None: the one that comes with s2a.
+        labels: of the scan's objects, which forbid fronts on what has none, and expect them on furniture that opens.
     """
     network = network or load()
     floor, points = floor_of(surface), spread(surface, config.density)
-    found = [
+    ready = config if labels is None else replace(config, min_score=READY * config.min_score)
+    candidates = [
         item
         for layer in layers(points, config)
-        for front in fronts(layer, floor, network, config)
+        for front in fronts(layer, floor, network, ready)
         if (item := _item(surface, points, layer, front, config, grow))
+        and (labels is None or item.score >= labels.min_score(item.region, config.min_score))
     ]
-    return _best(surface, found)
+    return _best(surface, candidates)
 
 
 def cut(surface: SplitSurface, items: tuple[Item, ...], grow: GrowConfig) -> Draft:
-    """Return an annotation of proposed parts whose borders are cut, with handles as if their places had been clicked."""
+    """Return an annotation of proposed parts whose borders are cut, with handles as if their places had been clicked.
+
+    Where the network sees no handle, one is added at its usual place, since whatever opens is opened by something.
+    """
     annotation = Draft(surface, items)
     for index, item in enumerate(items):
         annotation = annotation.with_rectangle(index, item.region, grow)
     for index, item in enumerate(items):
-        annotation = annotation if item.grip is None else annotation.with_handle(index, item.grip, None)
+        if item.grip is not None:
+            annotation = annotation.with_handle(index, item.grip, None)
+        else:
+            annotation = annotation.with_handle(index, handles.usual_place(item.region, item.joint), handles.USUAL)
     return annotation
 
 

@@ -89,8 +89,8 @@ class Draft:
 
     def at(self, face: int) -> int | None:
         """Return the part that a face belongs to, the smallest of several, or None."""
-        found = [i for i, item in enumerate(self.items) if face in item.region.faces or face in item.handle]
-        return min(found, key=lambda i: len(self.items[i].region.faces), default=None)
+        parts = [i for i, item in enumerate(self.items) if face in item.region.faces or face in item.handle]
+        return min(parts, key=lambda i: len(self.items[i].region.faces), default=None)
 
     def with_rectangle(self, index: int, region: FrontRegion, config: GrowConfig) -> Draft:
         """Return the annotation with a part's front cut out as a rectangle; what others have is left out."""
@@ -164,10 +164,10 @@ def scene(annotation: Draft, name: str = "scan") -> tuple[Scene, dict[int, str]]
 
 def of_part(annotation: Draft, index: int, bounds: Bounds) -> list[Check]:
     """Return what the surface says about one part with a joint; nothing about one without."""
-    found, ids = scene(annotation)
+    room, ids = scene(annotation)
     if index not in ids or not len(annotation.items[index].front):
         return []
-    surface = ScanSurface(found)
+    surface = ScanSurface(room)
     return list(evidence.moving_part(surface, ids[index], front(surface, ids[index]), bounds))
 
 

@@ -67,9 +67,9 @@ class Editor:
 
     def click_front(self, face: int) -> None:
         """Select the part that a face belongs to, or make one of the region around it."""
-        known = self.annotation.at(face)
-        if known is not None:
-            self.select(known)
+        part = self.annotation.at(face)
+        if part is not None:
+            self.select(part)
             return
         self._make(region.grow(self.annotation.surface, face, self.config))
 
@@ -95,10 +95,10 @@ class Editor:
             faces: that are seen in it, the one at its middle first.
             corners: of the rectangle on the plane of a region [m], shape [4 3]; None where that is seen from its edge.
         """
-        found = region.grow_most(self.annotation.surface, faces, self.config)
-        places = corners(found)
+        front = region.grow_most(self.annotation.surface, faces, self.config)
+        places = corners(front)
         if places is not None:
-            self._make(found, places)
+            self._make(front, places)
 
     def slide(self, direction: Direction = "out") -> None:
         """Let the selected part slide."""
@@ -139,15 +139,15 @@ class Editor:
         if self.selected is not None:
             self._steps.append(Step(self.annotation.removed(self.selected), None))
 
-    def _make(self, found: FrontRegion, corners: np.ndarray | None = None) -> None:
+    def _make(self, front: FrontRegion, corners: np.ndarray | None = None) -> None:
         """Add a part with a region, cut out where it is a rectangle or is to be one, and select it."""
-        annotation = self.annotation.added(Item(found))
+        annotation = self.annotation.added(Item(front))
         index = len(annotation.items) - 1
-        filled = annotation.surface.areas[found.faces].sum() / float(np.prod(found.size))
+        filled = annotation.surface.areas[front.faces].sum() / float(np.prod(front.size))
         if corners is not None:
-            annotation = annotation.with_rectangle(index, _rectangle(found, corners), self.config)
+            annotation = annotation.with_rectangle(index, _rectangle(front, corners), self.config)
         elif filled > RECTANGULAR:
-            annotation = annotation.with_rectangle(index, found, self.config)
+            annotation = annotation.with_rectangle(index, front, self.config)
         self._steps.append(Step(annotation, index))
 
     def _change(self, **fields: object) -> None:
@@ -158,17 +158,17 @@ class Editor:
         self._steps.append(Step(annotation, self.selected))
 
 
-def _rectangle(found: FrontRegion, corners: np.ndarray) -> FrontRegion:
+def _rectangle(front: FrontRegion, corners: np.ndarray) -> FrontRegion:
     """Return a region with the rectangle that corners on its plane stand for; its ends are kept where they are near.
 
     A camera that looks askew turns a rectangle on the screen into another quadrilateral: each side lies in the middle of its
     two corners.
     """
-    flat = np.sort(found.local(corners)[:, :2], axis=0)
+    flat = np.sort(front.local(corners)[:, :2], axis=0)
     low, high = flat[:2].mean(axis=0), flat[2:].mean(axis=0)
-    half = found.size / 2
+    half = front.size / 2
     low = np.where(np.abs(low + half) < END, -half, low)
     high = np.where(np.abs(high - half) < END, half, high)
     size = np.maximum(high - low, MIN_SIDE)
-    center = found.center + found.axes @ ((low + high) / 2)
-    return replace(found, center=center, size=size)
+    center = front.center + front.axes @ ((low + high) / 2)
+    return replace(front, center=center, size=size)

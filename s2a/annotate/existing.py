@@ -118,21 +118,21 @@ def read(path: Path, mesh: ScanMesh, surface: SplitSurface) -> Existing:
 
 def _front(surface: SplitSurface, faces: np.ndarray) -> FrontRegion:
     """Return the region of a part's faces; one that was cut out as a rectangle is that rectangle again, to its corners."""
-    found = region.around(surface, faces)
-    flat = found.local(surface.vertices[surface.faces[faces]].reshape(-1, 3))[:, :2]
+    front = region.around(surface, faces)
+    flat = front.local(surface.vertices[surface.faces[faces]].reshape(-1, 3))[:, :2]
     low, high = flat.min(axis=0), flat.max(axis=0)
     if surface.areas[faces].sum() < FULL * float(np.prod(high - low)):
-        return found
-    return replace(found, center=found.center + found.axes @ (low + high) / 2, size=high - low)
+        return front
+    return replace(front, center=front.center + front.axes @ (low + high) / 2, size=high - low)
 
 
 def _carried(number: int, parent_of: Mapping[int, int | None], joints: Mapping[int, Joint]) -> tuple[int, ...]:
     """Return a part and what hangs on it without a joint of its own."""
-    found = [number]
+    carried = [number]
     for part in labels.parents_first(parent_of):
-        if parent_of[part] in found and part not in joints:
-            found.append(part)
-    return tuple(found)
+        if parent_of[part] in carried and part not in joints:
+            carried.append(part)
+    return tuple(carried)
 
 
 class _Writer:
@@ -211,13 +211,13 @@ class _Writer:
         changed = [n for n, joint in joints.items() if joint != self._old.joints[n]]
         every = bool(new) or bool(changed) and any(self._in_degrees(record) for record in records)
         moves = not np.allclose(self._origin, self._old_origin(records), atol=1e-12)
-        found = [
+        records = [
             {**record, **self._joint(joints[record["pid"]])}
             if record["pid"] in changed or moves or (every and self._in_degrees(record))
             else record
             for record in records
         ]
-        return found + [{"pid": n, **self._joint(item.joint)} for n, item in new.items() if item.joint]
+        return records + [{"pid": n, **self._joint(item.joint)} for n, item in new.items() if item.joint]
 
     def _joint(self, joint: Joint) -> Document:
         return {

@@ -43,40 +43,40 @@ def divide(surface: SplitSurface, free: np.ndarray) -> list[tuple[str, np.ndarra
         free: which faces nobody has, shape [face].
     """
     left = free & (surface.source >= 0)
-    found = [(label, faces) for label, faces in _level(surface, left) if len(faces)]
-    for _, faces in found:
+    structure = [(label, faces) for label, faces in _level(surface, left) if len(faces)]
+    for _, faces in structure:
         left[faces] = False
     walls = _walls(surface, left)
     for faces in walls:
         left[faces] = False
-    found += [("wall", faces) for faces in walls]
+    structure += [("wall", faces) for faces in walls]
     some = np.flatnonzero(left)
     if not len(some):
-        return found
+        return structure
     number = connected(surface.adjacent(some), len(some))
     large = np.bincount(number, surface.areas[some]) >= MIN_OBJECT
     objects = [("object", some[number == index]) for index in np.flatnonzero(large)]
     bits = some[~large[number]]
-    if len(bits) and found:
-        found[0] = (found[0][0], np.sort(np.concatenate([found[0][1], bits])))
-    return found + objects
+    if len(bits) and structure:
+        structure[0] = (structure[0][0], np.sort(np.concatenate([structure[0][1], bits])))
+    return structure + objects
 
 
 def _level(surface: SplitSurface, left: np.ndarray) -> list[tuple[str, np.ndarray]]:
     """Return the floor and the ceiling: level faces near the lowest, and the highest, height with much of them."""
-    found = []
+    level_faces = []
     height = surface.middles[:, 2]
     for label, sign in (("floor", 1.0), ("ceiling", -1.0)):
         level = left & (sign * surface.normals[:, 2] > LEVEL)
         planes = _planes(sign * height[level], surface.areas[level], WALL_AREA)
         if planes:
-            found.append((label, np.flatnonzero(level & (np.abs(sign * height - min(planes)) < THICK))))
-    return found
+            level_faces.append((label, np.flatnonzero(level & (np.abs(sign * height - min(planes)) < THICK))))
+    return level_faces
 
 
 def _walls(surface: SplitSurface, left: np.ndarray) -> list[np.ndarray]:
     """Return the faces of each upright plane that is large and high."""
-    left, found = left.copy(), []
+    left, walls = left.copy(), []
     upright = np.abs(surface.normals[:, 2]) < UPRIGHT
     azimuth = np.arctan2(surface.normals[:, 1], surface.normals[:, 0])
     sector = ((azimuth + np.pi) / (2 * np.pi) * TURNS).astype(int) % TURNS
@@ -90,9 +90,9 @@ def _walls(surface: SplitSurface, left: np.ndarray) -> list[np.ndarray]:
         for plane in _planes(offset[near], surface.areas[near], WALL_AREA):
             faces = np.flatnonzero(near & left & (np.abs(offset - plane) < THICK))
             if surface.areas[faces].sum() >= WALL_AREA and np.ptp(surface.middles[faces, 2]) > WALL_HEIGHT:
-                found.append(faces)
+                walls.append(faces)
                 left[faces] = False
-    return found
+    return walls
 
 
 def _planes(offsets: np.ndarray, areas: np.ndarray, least: float) -> list[float]:
@@ -102,15 +102,15 @@ def _planes(offsets: np.ndarray, areas: np.ndarray, least: float) -> list[float]
     low = offsets.min()
     full = np.bincount(((offsets - low) / STEP).astype(int), areas)
     reach = round(THICK / STEP)
-    found: list[float] = []
+    peaks: list[float] = []
     while True:
         sums = np.convolve(full, np.ones(2 * reach + 1), "same")
         peak = int(np.argmax(sums))
         if sums[peak] < least:
-            return found
+            return peaks
         window = slice(max(peak - reach, 0), peak + reach + 1)
         places = low + (np.arange(len(full))[window] + 0.5) * STEP
-        found.append(float(np.average(places, weights=full[window])))
+        peaks.append(float(np.average(places, weights=full[window])))
         full[window] = 0.0
 
 
@@ -201,8 +201,8 @@ def _compact(annotation: Draft, existing: Existing | None) -> tuple[SplitSurface
         keep[item.handle] = True
     number = np.cumsum(keep) - 1
     # No vertex of the scan is dropped, for segments count in them.
-    kept = SplitSurface(surface.vertices, surface.faces[keep], surface.colors, surface.source[keep])
-    return kept, [
+    compact = SplitSurface(surface.vertices, surface.faces[keep], surface.colors, surface.source[keep])
+    return compact, [
         replace(item, region=replace(item.region, faces=number[item.region.faces]), handle=number[item.handle])
         for item in items
     ]

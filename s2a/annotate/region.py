@@ -90,10 +90,10 @@ def grow(surface: SplitSurface, face: int, config: GrowConfig) -> FrontRegion:
     color = np.median(surface.face_colors[faces], axis=0)
     for _ in range(ROUNDS):
         normal, offset = _plane(surface, faces)
-        found = _grown(surface, face, normal, offset, color, config)
-        if not len(found):
+        wider = _grown(surface, face, normal, offset, color, config)
+        if not len(wider):
             break
-        faces, color = found, np.median(surface.face_colors[found], axis=0)
+        faces, color = wider, np.median(surface.face_colors[wider], axis=0)
     return around(surface, np.union1d(faces, [face]))
 
 
@@ -111,12 +111,12 @@ def grow_most(surface: SplitSurface, faces: np.ndarray, config: GrowConfig) -> F
     for face in faces:
         if face in grown:
             continue
-        found = grow(surface, int(face), config)
-        grown = np.union1d(grown, found.faces)
-        near = np.abs(surface.middles[faces] @ found.normal - found.offset) < config.distance
-        near &= surface.normals[faces] @ found.normal > np.cos(np.radians(config.angle))
+        candidate = grow(surface, int(face), config)
+        grown = np.union1d(grown, candidate.faces)
+        near = np.abs(surface.middles[faces] @ candidate.normal - candidate.offset) < config.distance
+        near &= surface.normals[faces] @ candidate.normal > np.cos(np.radians(config.angle))
         if near.sum() > most:
-            best, most = found, int(near.sum())
+            best, most = candidate, int(near.sum())
     assert best is not None
     return best
 

@@ -162,17 +162,17 @@ def _divide(
     marked[edges] = True
     some = np.flatnonzero(marked[faces].sum(axis=1) >= 2)
     ends = np.stack([faces[some], np.roll(faces[some], -1, axis=1)], axis=2)  # edge k leads from corner k to k + 1
-    asked = ends.min(axis=2) * width + ends.max(axis=2)
-    place = np.clip(np.searchsorted(keys[order], asked), 0, len(keys) - 1)
-    cut = np.where(keys[order][place] == asked, first + order[place], -1)
+    edge_keys = ends.min(axis=2) * width + ends.max(axis=2)
+    place = np.clip(np.searchsorted(keys[order], edge_keys), 0, len(keys) - 1)
+    cut = np.where(keys[order][place] == edge_keys, first + order[place], -1)
     cut, some = cut[(cut >= 0).any(axis=1)], some[(cut >= 0).any(axis=1)]
-    kept, owner, others = [], [], []
+    main, owner, others = [], [], []
     for index, face in enumerate(some):
         pieces = sorted(_pieces(faces[face], cut[index]), key=lambda piece: -_area(vertices[list(piece)]))
-        kept.append(pieces[0])
+        main.append(pieces[0])
         owner += [index] * (len(pieces) - 1)
         others += pieces[1:]
-    return np.array(kept), some, (np.array(owner, int), np.array(others, int).reshape(-1, 3))
+    return np.array(main), some, (np.array(owner, int), np.array(others, int).reshape(-1, 3))
 
 
 def _pieces(face: np.ndarray, cut: np.ndarray) -> list[tuple[int, int, int]]:

@@ -77,13 +77,15 @@ def run(config: Config) -> str:
     scan = files.read(config.scan)
     refuse_loss(config.out, files.RECORD, [scan.files.mesh])
     surface = scan.surface
-    known = existing.read(config.scan, scan.mesh, surface) if config.edit else None
-    start = known.start(surface) if known else _proposed(scan, surface, config) if config.auto else Draft(surface, ())
+    earlier = existing.read(config.scan, scan.mesh, surface) if config.edit else None
+    start = (
+        earlier.start(surface) if earlier else _proposed(scan, surface, config) if config.auto else Draft(surface, ())
+    )
     editor = Editor(start, config.grow)
 
     def save(annotation: Draft) -> str:
         with atomic_write(config.out, earlier=files.RECORD) as out:
-            files.write(annotation, scan, out, known, annotated=str(config.scan), auto=config.auto, edit=config.edit)
+            files.write(annotation, scan, out, earlier, annotated=str(config.scan), auto=config.auto, edit=config.edit)
         return _summary(annotation, config)
 
     if not config.page:
@@ -114,7 +116,7 @@ def _summary(annotation: Draft, config: Config) -> str:
     handles = sum(len(item.handle) > 0 for item in done)
     kinds = ", ".join(f"{sum(item.name == name for item in done)} {name}" for name in sorted({i.name for i in done}))
     left = len(annotation.items) - len(done)
-    said = f"{config.out}: {len(done)} parts ({kinds or 'none'}), {handles} with a handle"
-    said += f"; {left} without a joint are left out" if left else ""
-    said += f"\n{text(of_all(annotation, config.evidence))}" if done else ""
-    return said + f"\n  next: s2a check scan={config.out}"
+    summary = f"{config.out}: {len(done)} parts ({kinds or 'none'}), {handles} with a handle"
+    summary += f"; {left} without a joint are left out" if left else ""
+    summary += f"\n{text(of_all(annotation, config.evidence))}" if done else ""
+    return summary + f"\n  next: s2a check scan={config.out}"

@@ -205,9 +205,9 @@ class AnnotationPanel:
 
     def _click(self, event: viser.SceneClickEvent) -> None:
         with self._lock:
-            found = pick.place(self._mesh(), np.array(event.ray_origin), np.array(event.ray_direction))
-            if found is not None:
-                self._at(*found)
+            hit = pick.place(self._mesh(), np.array(event.ray_origin), np.array(event.ray_direction))
+            if hit is not None:
+                self._at(*hit)
 
     def _at(self, face: int, point: np.ndarray) -> None:
         """Do what a click at a place of the scan means now."""

@@ -41,8 +41,8 @@ class Shown:
         for index in [i for i in self._nodes if i >= len(annotation.items)]:
             self._forget(index)
         for index, item in enumerate(annotation.items):
-            known = self._nodes.get(index)
-            if known is None or known[0] is not item or known[1] != (index == selected):
+            drawn = self._nodes.get(index)
+            if drawn is None or drawn[0] is not item or drawn[1] != (index == selected):
                 self._forget(index)
                 self._nodes[index] = (item, index == selected, self._make(annotation, index, index == selected))
 
@@ -158,22 +158,22 @@ def corners(
         high: its bottom right corner.
         region: the front.
     """
-    found = []
+    corners = []
     for x, y in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])):
         ray = view.ray(x, y)
         against = float(ray @ region.normal)
         if abs(against) < MIN_COSINE:
             return None
-        found.append(view.position + ray * float((region.center - view.position) @ region.normal) / against)
-    return np.array(found)
+        corners.append(view.position + ray * float((region.center - view.position) @ region.normal) / against)
+    return np.array(corners)
 
 
 def seen(view: CameraView, mesh: Mesh, low: tuple[float, float], high: tuple[float, float]) -> np.ndarray:
     """Return the faces that are seen on a grid of places within a rectangle of the image, that at its middle first."""
     grid = np.array([(x, y) for x in GRID for y in GRID])
     places = np.array(low) + grid[np.argsort(np.abs(grid - 0.5).max(axis=1), kind="stable")] * np.subtract(high, low)
-    found = [place(mesh, view.position, view.ray(x, y)) for x, y in places]
-    return np.array([face for face, _ in filter(None, found)], dtype=int)
+    hits = [place(mesh, view.position, view.ray(x, y)) for x, y in places]
+    return np.array([face for face, _ in filter(None, hits)], dtype=int)
 
 
 def facing(region: FrontRegion, fov: float) -> tuple[np.ndarray, np.ndarray]:

@@ -101,9 +101,9 @@ def fronts(layer: Layer, floor: float, network: FrontNetwork, config: ProposeCon
         if score < config.min_score or ((box[2:] - box[:2]) * config.cell < config.min_front).any():
             continue
         left &= ~within  # those that are wrong about their rectangle
-        found = CellBox(*map(float, box))
-        held = _handle(handle, found)
-        yield SeenFront(found, _hinged(opens, found, held), score, held)
+        rectangle = CellBox(*map(float, box))
+        grip = _handle(handle, rectangle)
+        yield SeenFront(rectangle, _hinged(opens, rectangle, grip), score, grip)
 
 
 def _hinged(motion: Motion, box: CellBox, handle: CellBox | None) -> Motion:
@@ -180,17 +180,17 @@ def is_flap(region: FrontRegion, points: Points, density: float) -> bool:
 
 def depth_behind(region: FrontRegion, points: Points, density: float) -> float | None:
     """Return how far behind a front the wall is [m]: the farthest surface that faces as it does; None where none is seen."""
-    place = region.local(points.place)
-    behind = -place[:, 2]
+    behind = region.offset - points.place @ region.normal
+    some = points[(behind > NEAREST) & (behind < FARTHEST)]
+    place = region.local(some.place)
     beside = np.abs(place[:, 0]) < region.size[0] / 2
-    facing = points.normal @ region.normal > FACING
-    near = beside & facing & (behind > NEAREST) & (behind < FARTHEST)
-    found = np.sort(behind[near])
+    facing = some.normal @ region.normal > FACING
+    depths = np.sort(-place[beside & facing, 2])
     count = max(round(STRIP * region.size[0] * density), 1)
-    if len(found) < count:
+    if len(depths) < count:
         return None
-    enough = np.flatnonzero(found[count - 1 :] - found[: len(found) - count + 1] < THICK)
-    return float(np.median(found[enough[-1] : enough[-1] + count])) if len(enough) else None
+    enough = np.flatnonzero(depths[count - 1 :] - depths[: len(depths) - count + 1] < THICK)
+    return float(np.median(depths[enough[-1] : enough[-1] + count])) if len(enough) else None
 
 
 SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}
@@ -309,14 +309,14 @@ def inside(surface: SplitSurface, region: FrontRegion, distance: float) -> np.nd
     return np.flatnonzero(flat & (surface.normals @ region.normal > ALIGNED))
 
 
-def _best(surface: SplitSurface, found: list[Item]) -> tuple[Item, ...]:
+def _best(surface: SplitSurface, candidates: list[Item]) -> tuple[Item, ...]:
     """Return proposals, best first, without those that mostly repeat a better one."""
-    kept: list[Item] = []
+    best: list[Item] = []
     taken = np.zeros(len(surface.faces), bool)
-    for item in sorted(found, key=lambda one: (-one.score, -len(one.region.faces))):
+    for item in sorted(candidates, key=lambda one: (-one.score, -len(one.region.faces))):
         areas = surface.areas[item.region.faces]
         if areas[taken[item.region.faces]].sum() <= OVERLAP * areas.sum():
             faces = item.region.faces[~taken[item.region.faces]]
-            kept.append(replace(item, region=replace(item.region, faces=faces)))
+            best.append(replace(item, region=replace(item.region, faces=faces)))
             taken[item.region.faces] = True
-    return tuple(kept)
+    return tuple(best)

@@ -131,30 +131,40 @@ def azimuths(points: Points) -> list[float]:
         return []
     count = np.bincount(((angle + np.pi) / (2 * np.pi) * BINS).astype(int) % BINS, minlength=BINS).astype(float)
     smooth = gaussian_filter1d(count, 2.0, mode="wrap")
-    found: list[float] = []
+    angle.sort()
+    peaks: list[float] = []
     for index in np.argsort(-smooth):
         peak = (index + 0.5) / BINS * 2 * np.pi - np.pi
-        around = np.abs(_turn(angle - peak)) < APART / 2
-        if around.sum() < MIN_PEAK * len(angle) or len(found) >= DIRECTIONS:
+        around = _between(angle, peak - APART / 2, peak + APART / 2)
+        if len(around) < MIN_PEAK * len(angle) or len(peaks) >= DIRECTIONS:
             break
-        if all(abs(_turn(peak - other)) > APART for other in found):
-            found.append(peak + float(np.median(_turn(angle[around] - peak))))
-    return found
+        if all(abs(_turn(peak - other)) > APART for other in peaks):
+            peaks.append(peak + float(np.median(_turn(around - peak))))
+    return peaks
+
+
+def _between(angles: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Return those of sorted angles in (-pi, pi] that lie between two others [rad], on the circle."""
+    turns = 2 * np.pi * np.arange(-1, 2)[:, None] + [low, high]
+    return np.concatenate([angles[slice(*np.searchsorted(angles, ends))] for ends in turns])
 
 
 def layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
     """Yield the upright planes of a room with enough area."""
     for azimuth in azimuths(points):
         normal = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        facing = points.normal @ normal
-        flat = facing > FACING
+        flat = points.normal @ normal > FACING
         offset = points.place @ normal
+        order = np.argsort(offset)
+        along = offset[order]
         peaks = np.array(_peaks(offset[flat], config))
         for peak in peaks:
-            near = np.abs(offset - peak) < 2 * AHEAD
-            places = points[near].place[flat[near] & (np.abs(offset - peak)[near] < 2 * config.layer)]
+            start, end = np.searchsorted(along, [peak - 2 * AHEAD, peak + 2 * AHEAD])
+            near = np.sort(order[start:end])
+            around, facing = points[near], flat[near]
+            places = around.place[facing & (np.abs(offset[near] - peak) < 2 * config.layer)]
             for level in _levelled(places, normal, peak, peaks[peaks != peak], config):
-                yield _image(points[near], flat[near], *level, config)
+                yield _image(around, facing, *level, config)
 
 
 def _levelled(
@@ -216,38 +226,37 @@ def _peaks(offsets: np.ndarray, config: ProposeConfig) -> list[float]:
     top = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] > smooth[2:])) + 1
     peaks = low + (top - 3 + 0.5) * STEP
     order = np.argsort(-smooth[top])
-    found: list[float] = []
+    chosen: list[float] = []
     for index in order:
         around = np.abs(offsets - peaks[index]) < config.layer
         if around.sum() < config.min_layer * config.density:
             continue
-        if all(abs(peaks[index] - other) > config.layer for other in found):
-            found.append(float(np.median(offsets[around])))
-    return found
+        if all(abs(peaks[index] - other) > config.layer for other in chosen):
+            chosen.append(float(np.median(offsets[around])))
+    return chosen
 
 
 def _image(
     points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, corners: np.ndarray, config: ProposeConfig
 ) -> Layer:
     right = np.array([-normal[1], normal[0], 0.0])
-    place = np.stack([points.place @ right, points.place[:, 2]], axis=1)
-    height = points.place @ normal - offset
-    mine = flat & (np.abs(height) < config.layer)
     low = corners[0] - 2 * config.cell
     size = np.ceil((corners[1] - low) / config.cell).astype(int) + 3
-    index = np.floor((place - low) / config.cell).astype(int)
-    within = ((index >= 0) & (index < size)).all(axis=1)
-    key = np.where(within, index[:, 1] * size[0] + index[:, 0], 0)
-    mine &= within
+    columns = np.floor((points.place @ right - low[0]) / config.cell).astype(int)
+    rows = np.floor((points.place[:, 2] - low[1]) / config.cell).astype(int)
+    within = np.flatnonzero((columns >= 0) & (columns < size[0]) & (rows >= 0) & (rows < size[1]))
+    key, points = rows[within] * size[0] + columns[within], points[within]
+    height, facing = points.place @ normal - offset, points.normal @ normal
+    mine = flat[within] & (np.abs(height) < config.layer)
     shape = (size[1], size[0])
     count = np.bincount(key[mine], minlength=size.prod())
     sums = [np.bincount(key[mine], value[mine], size.prod()) for value in (*points.color.T, height)]
     with np.errstate(invalid="ignore"):
         color, mean = np.stack(sums[:3], axis=1) / count[:, None], sums[3] / count
     ahead = np.zeros(size.prod())
-    out = within & (height > 0) & (height < AHEAD) & (points.normal @ normal > -0.3)
+    out = (height > 0) & (height < AHEAD) & (facing > -0.3)
     np.maximum.at(ahead, key[out], height[out])
-    across = within & (np.abs(points.normal @ normal) < 0.5) & (height > WALL)
+    across = (np.abs(facing) < 0.5) & (height > WALL)
     wall = np.bincount(key[across], minlength=size.prod()) > 0
     color, ahead = color.reshape(*shape, 3), ahead.reshape(shape)
     window = int(round(BACKGROUND / config.cell))

@@ -68,8 +68,8 @@ class FrontNetwork(nn.Module):
         x = seen.pop()
         for up in self.up:
             x = up(torch.cat([seen.pop(), nn.functional.interpolate(x, scale_factor=2.0)], dim=1))
-        found = self.front(x)
-        return found[:, 0], nn.functional.softplus(found[:, 1:5]) * 0.5, found[:, 5:], self.handle(x)[:, 0]
+        maps = self.front(x)
+        return maps[:, 0], nn.functional.softplus(maps[:, 1:5]) * 0.5, maps[:, 5:], self.handle(x)[:, 0]
 
     def see(self, image: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return probabilities of fronts, their sides [m], probabilities of MOTIONS and of handles in an image of any size.

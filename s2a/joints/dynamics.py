@@ -29,29 +29,40 @@ SHARPNESS = wp.constant(6.0)
 
 
 @wp.struct
-class Recordings:
-    """Recorded pulls, a world each.
+class Bodies:
+    """Bodies on their joints, a world each, as they are at the grasp point.
 
     Attributes:
-        opening, force: shape [sample world]; NaN past a recording's end.
-        joint: index of each world's joint, shape [world].
         lever: path of the grasp point by the coordinate, shape [world].
         inertia: mass at the grasp point, of the stage's mass [kg], shape [world].
         turns: 1 for a hinge, 0 for a slide, shape [world].
         gravity: force along the path [N], of the stage's mass: g0 cos(turns q) + g1 sin(turns q), shape [world] of vec2.
         reach: opening below which a soft close acts [m], shape [world].
-        gain: corrections of opening [1] and speed [1/s] by innovation, shape [world 2].
-        weight: 1 / (2 variance) of an innovation [1/m^2], shape [world].
     """
 
-    opening: wp.array2d(dtype=float)
-    force: wp.array2d(dtype=float)
-    joint: wp.array(dtype=int)
     lever: wp.array(dtype=float)
     inertia: wp.array(dtype=float)
     turns: wp.array(dtype=float)
     gravity: wp.array(dtype=wp.vec2)
     reach: wp.array(dtype=float)
+
+
+@wp.struct
+class Recordings:
+    """Recorded pulls, a world each.
+
+    Attributes:
+        bodies: that were pulled.
+        opening, force: shape [sample world]; NaN past a recording's end.
+        joint: index of each world's joint, shape [world].
+        gain: corrections of opening [1] and speed [1/s] by innovation, shape [world 2].
+        weight: 1 / (2 variance) of an innovation [1/m^2], shape [world].
+    """
+
+    bodies: Bodies
+    opening: wp.array2d(dtype=float)
+    force: wp.array2d(dtype=float)
+    joint: wp.array(dtype=int)
     gain: wp.array2d(dtype=float)
     weight: wp.array(dtype=float)
 
@@ -79,6 +90,13 @@ def resisted(before: float, free: float, inverse: float, damping: float, frictio
     return (free - damped) / inverse + u * most / both / (1.0 + half)
 
 
+@wp.func
+def weight_of(bodies: Bodies, world: int, q: float):
+    """Return the force of a body's weight along the path of its grasp point [N], of the stage's mass."""
+    turn, g = bodies.turns[world] * q, bodies.gravity[world]
+    return g[0] * wp.cos(turn) + g[1] * wp.sin(turn)
+
+
 @wp.kernel
 def drive(
     r: Recordings,
@@ -96,14 +114,13 @@ def drive(
     which makes openings accurate to the second order.
     """
     world = wp.tid()
-    joint, lever = r.joint[world], r.lever[world]
+    joint, lever = r.joint[world], r.bodies.lever[world]
     s, v = joint_q[world] * lever, joint_qd[world] * lever
     pulled = (1.0 - later) * r.force[sample, world] + later * r.force[sample + 1, world]
-    acts = engaged(s, r.reach[world])
+    acts = engaged(s, r.bodies.reach[world])
     force = wp.where(wp.isnan(pulled), 0.0, pulled) - parameters[joint, 4] * s - parameters[joint, 5] * acts
-    inverse = dt / (parameters[joint, 0] * r.inertia[world])
-    turn, g = r.turns[world] * joint_q[world], r.gravity[world]
-    weight = parameters[joint, 0] * (g[0] * wp.cos(turn) + g[1] * wp.sin(turn))  # the solver adds it by itself
+    inverse = dt / (parameters[joint, 0] * r.bodies.inertia[world])
+    weight = parameters[joint, 0] * weight_of(r.bodies, world, joint_q[world])  # the solver adds it by itself
     free = v + inverse * (force + weight)
     damping = parameters[joint, 1] + wp.where(v < 0.0, parameters[joint, 6] * acts, 0.0)
     force -= resisted(v, free, inverse, damping, parameters[joint, 2], parameters[joint, 3])
@@ -122,7 +139,7 @@ def correct(
 ):
     """Compare a world with a sample, add to its joint's loss, and correct it."""
     world = wp.tid()
-    lever, seen = r.lever[world], r.opening[sample, world]
+    lever, seen = r.bodies.lever[world], r.opening[sample, world]
     missed = wp.where(wp.isnan(seen), 0.0, seen - joint_q[world] * lever)
     wp.atomic_add(loss, r.joint[world], r.weight[world] * missed * missed)
     next_q[world] = joint_q[world] + r.gain[world, 0] * missed / lever
@@ -157,9 +174,9 @@ class Dynamics:
     def determined(self) -> np.ndarray:
         """Which parameters the recordings determine, shape [parameter]: of others 0 and more than TYPICAL are as likely."""
         half = NINETY * self.deviations
-        told = ~((half >= self.values) & (half > TYPICAL))
-        told[0] = self.deviations[0] <= VAGUE * self.values[0]
-        return told
+        narrow = ~((half >= self.values) & (half > TYPICAL))
+        narrow[0] = self.deviations[0] <= VAGUE * self.values[0]
+        return narrow
 
     def interval(self, name: str) -> tuple[float, float]:
         """Return the bounds between which a parameter lies with 90 %."""
@@ -253,7 +270,7 @@ class JointWorlds:
                 [self._model.state(requires_grad=True) for _ in range(self._substeps)] for _ in range(samples - 1)
             ]
             self._controls = [[self._model.control() for _ in each] for each in self._moved]
-            first = self._record.opening.numpy()[0] / self._record.lever.numpy()
+            first = self._record.opening.numpy()[0] / [bodies[i].lever for i in owner]
             self._starts[0].joint_q.assign(first.astype(np.float32))
             self._given = wp.zeros((self.joints, len(PARAMETERS)), dtype=float, requires_grad=True)
             self._loss = wp.zeros(self.joints, dtype=float, requires_grad=True)
@@ -284,7 +301,6 @@ class JointWorlds:
         tape.zero()
 
     def _roll(self, parameters: wp.array, loss: wp.array) -> None:
-        """Move all worlds through their recordings."""
         self._solver._step = 0  # the mass matrix is made in the first step, which the tape has to see
         with wp.ScopedDevice(self._model.device):
             for sample, (between, controls) in enumerate(zip(self._moved, self._controls, strict=True)):
@@ -320,6 +336,17 @@ def joint_model(bodies: Sequence[Moving], device: str) -> newton.Model:
     return builder.finalize(device=device, requires_grad=True)
 
 
+def bodies_at_grasp(bodies: Sequence[Moving]) -> Bodies:
+    """Return bodies as arrays, a world each."""
+    b = Bodies()
+    b.lever = wp.array([body.lever for body in bodies], dtype=float)
+    b.inertia = wp.array([body.inertia for body in bodies], dtype=float)
+    b.turns = wp.array([float(body.joint.kind == "revolute") for body in bodies], dtype=float)
+    b.gravity = wp.array([body.gravity for body in bodies], dtype=wp.vec2)
+    b.reach = wp.array([body.reach for body in bodies], dtype=float)
+    return b
+
+
 def _record(
     bodies: Sequence[Moving], pulls: Sequence[Pull], owner: Sequence[int], step: float, noise: Noise
 ) -> Recordings:
@@ -332,11 +359,7 @@ def _record(
     r = Recordings()
     r.opening, r.force = wp.array(opening, dtype=float), wp.array(force, dtype=float)
     r.joint = wp.array(owner, dtype=int)
-    r.lever = wp.array([bodies[i].lever for i in owner], dtype=float)
-    r.inertia = wp.array([bodies[i].inertia for i in owner], dtype=float)
-    r.turns = wp.array([float(bodies[i].joint.kind == "revolute") for i in owner], dtype=float)
-    r.gravity = wp.array([bodies[i].gravity for i in owner], dtype=wp.vec2)
-    r.reach = wp.array([bodies[i].reach for i in owner], dtype=float)
+    r.bodies = bodies_at_grasp([bodies[i] for i in owner])
     r.gain = wp.array(filters[:, :2], dtype=float)
     r.weight = wp.array(0.5 / filters[:, 2], dtype=float)
     return r

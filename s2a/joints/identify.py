@@ -52,35 +52,35 @@ def minimize_together(
     """
     points = starts.copy()
     low, high = (np.broadcast_to(bound, starts.shape) for bound in (lower, upper))
-    asked: queue.Queue[int] = queue.Queue()
+    requests: queue.Queue[int] = queue.Queue()
     answers: list[queue.Queue[tuple[float, np.ndarray]]] = [queue.Queue() for _ in starts]
     values = np.full(len(starts), np.inf)
 
     def solve(i: int) -> None:
         def ask(x: np.ndarray) -> tuple[float, np.ndarray]:
             points[i] = x
-            asked.put(i)
+            requests.put(i)
             return answers[i].get()
 
         try:
             limits = list(zip(low[i], high[i], strict=True))
-            found = minimize(ask, starts[i], jac=True, method="L-BFGS-B", bounds=limits, options={"maxfun": rounds})
-            points[i], values[i] = found.x, found.fun
+            minimum = minimize(ask, starts[i], jac=True, method="L-BFGS-B", bounds=limits, options={"maxfun": rounds})
+            points[i], values[i] = minimum.x, minimum.fun
         finally:
-            asked.put(~i)
+            requests.put(~i)
 
     running, done = set(np.flatnonzero(chosen).tolist()), 0
     threads = [threading.Thread(target=solve, args=(i,), daemon=True) for i in running]
     for thread in threads:
         thread.start()
     while running:
-        waiting = [asked.get() for _ in running]
+        waiting = [requests.get() for _ in running]
         running -= {~i for i in waiting if i < 0}
         if running:
-            found, gradients = evaluate(points)
+            losses, gradients = evaluate(points)
             done += 1
             for i in running:
-                answers[i].put((float(found[i]), gradients[i]))
+                answers[i].put((float(losses[i]), gradients[i]))
     return Minima(points, values, done)
 
 
@@ -117,15 +117,15 @@ def fit(body: Moving, pulls: Sequence[Pull], force_noise: float) -> Dynamics:
         raise InputError(
             f"the part moves faster than {MOVES} m/s in {count} samples only; give pulls of half a second or longer"
         )
-    asked = np.any(np.concatenate([columns for columns, _ in samples]) != 0.0, axis=0)
-    found, spread, variance = _solve(samples, asked, step)
-    idle = np.zeros_like(asked)
-    idle[SOFT_CLOSE] = found[SOFT_CLOSE] < TELLS * spread[SOFT_CLOSE]
-    if (asked & idle).any():
-        found, without, variance = _solve(samples, asked & ~idle, step)
+    wanted = np.any(np.concatenate([columns for columns, _ in samples]) != 0.0, axis=0)
+    solution, spread, variance = _solve(samples, wanted, step)
+    idle = np.zeros_like(wanted)
+    idle[SOFT_CLOSE] = solution[SOFT_CLOSE] < TELLS * spread[SOFT_CLOSE]
+    if (wanted & idle).any():
+        solution, without, variance = _solve(samples, wanted & ~idle, step)
         spread = np.where(idle, spread, without)
     values, deviations = np.zeros(len(PARAMETERS)), np.full(len(PARAMETERS), np.inf)
-    values[ASKED], deviations[ASKED] = found, spread
+    values[ASKED], deviations[ASKED] = solution, spread
     expected = force_noise**2 * step / (2.0 * np.sqrt(np.pi) * SMOOTHED)
     return Dynamics(values, deviations, variance / expected)
 
@@ -134,35 +134,35 @@ Samples = list[tuple[np.ndarray, np.ndarray]]
 """What ASKED are multiplied with, shape [sample parameter], and the force [N], of each pull."""
 
 
-def _solve(samples: Samples, asked: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, float]:
+def _solve(samples: Samples, wanted: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return the ASKED that were asked for, the others 0, their deviations, the others' infinite, and the residuals' variance.
 
     A deviation is that of the residuals, which the smoothing has made alike among neighbours, or that of the pulls, each left out
     in turn (the jackknife), where this is larger: a grip that rolls errs alike all along a pull.
     """
     matrix, force = (np.concatenate(each) for each in zip(*samples, strict=True))
-    found = _least_squares(matrix, force, asked)
-    residual = force - matrix @ found
+    solution = _least_squares(matrix, force, wanted)
+    residual = force - matrix @ solution
     # Smoothed white noise: samples k steps apart correlate by exp(-(k step / 2 SMOOTHED)^2).
     lengths = [len(own) for _, own in samples]
     alike = block_diag(*(toeplitz(np.exp(-((np.arange(n) * step / (2 * SMOOTHED)) ** 2))) for n in lengths))
-    inverse = np.linalg.pinv(matrix[:, asked])
-    free = len(force) - np.trace(matrix[:, asked] @ (inverse @ alike))
+    inverse = np.linalg.pinv(matrix[:, wanted])
+    free = len(force) - np.trace(matrix[:, wanted] @ (inverse @ alike))
     variance = float(residual @ residual) / max(free, 1.0)
-    deviations = np.full(len(asked), np.inf)
-    deviations[asked] = np.sqrt(variance * np.diagonal(inverse @ alike @ inverse.T))
+    deviations = np.full(len(wanted), np.inf)
+    deviations[wanted] = np.sqrt(variance * np.diagonal(inverse @ alike @ inverse.T))
     if (pulls := len(samples)) > 1:
         left = np.repeat(np.arange(pulls), lengths)
-        others = np.array([_least_squares(matrix[left != k], force[left != k], asked) for k in range(pulls)])
+        others = np.array([_least_squares(matrix[left != k], force[left != k], wanted) for k in range(pulls)])
         jackknife = np.sqrt((pulls - 1) * others.var(axis=0))
-        deviations = np.maximum(deviations, np.where(asked, jackknife, np.inf))
-    return found, deviations, variance
+        deviations = np.maximum(deviations, np.where(wanted, jackknife, np.inf))
+    return solution, deviations, variance
 
 
-def _least_squares(matrix: np.ndarray, force: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    found = np.zeros(len(asked))
-    found[asked] = lsq_linear(matrix[:, asked], force, (LOWER[ASKED][asked], UPPER[ASKED][asked])).x
-    return found
+def _least_squares(matrix: np.ndarray, force: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    solution = np.zeros(len(wanted))
+    solution[wanted] = lsq_linear(matrix[:, wanted], force, (LOWER[ASKED][wanted], UPPER[ASKED][wanted])).x
+    return solution
 
 
 def _moving_samples(body: Moving, pull: Pull) -> tuple[np.ndarray, np.ndarray]:
@@ -182,8 +182,8 @@ def _moving_samples(body: Moving, pull: Pull) -> tuple[np.ndarray, np.ndarray]:
     soft = (acts, acts * np.minimum(speed, 0.0))
     columns = np.column_stack([body.inertia * speeding - weight, speed, np.sign(speed), opening, *soft])
     around = np.ones(2 * round(REACH * SMOOTHED / step) + 1)
-    kept = binary_erosion(np.abs(speed) > MOVES, around) & binary_erosion(np.ones(len(speed), bool), around)
-    return columns[kept], smooth(pull.force)[kept]
+    moves = binary_erosion(np.abs(speed) > MOVES, around) & binary_erosion(np.ones(len(speed), bool), around)
+    return columns[moves], smooth(pull.force)[moves]
 
 
 OPTIONAL = np.isin(PARAMETERS, ("breakaway", "pull_in", "closing"))
@@ -223,9 +223,9 @@ def identify(
     for start in (_first(bodies, pulls), *STARTS):
         poor = values > POOR * expected
         begin = np.where(poor[:, None], variables(np.broadcast_to(start, points.shape)), points)
-        found = minimize_together(evaluate, begin, variables(LOWER), variables(UPPER), ROUNDS, poor)
-        better = found.values < values
-        points[better], values[better] = found.points[better], found.values[better]
+        minima = minimize_together(evaluate, begin, variables(LOWER), variables(UPPER), ROUNDS, poor)
+        better = minima.values < values
+        points[better], values[better] = minima.points[better], minima.values[better]
         if (values <= POOR * expected).all():
             break
     return _without_idle(evaluate, points, values, expected)
@@ -243,63 +243,62 @@ def _without_idle(evaluate: Evaluate, points: np.ndarray, values: np.ndarray, ex
         expected: these where all is right, shape [joint].
     """
     first = _dynamics(evaluate, points, values / expected)
-    spread, told = (np.array([getattr(each, name) for each in first]) for name in ("deviations", "determined"))
+    spread, determined = (np.array([getattr(each, name) for each in first]) for name in ("deviations", "determined"))
     upper = np.broadcast_to(variables(UPPER), points.shape).copy()
     points, values = points.copy(), values.copy()
     for k in np.flatnonzero(OPTIONAL):
-        idle = ~told[:, k]
+        idle = ~determined[:, k]
         bound = upper.copy()
         bound[idle, k] = 0.0
         fewer = minimize_together(evaluate, np.minimum(points, bound), variables(LOWER), bound, ROUNDS, idle)
         dropped = fewer.values < values + WORSE
-        kept = idle & ~dropped
-        lost = 2.0 * (fewer.values[kept] - values[kept])
-        spread[kept, k] = np.minimum(spread[kept, k], parameters(points)[kept, k] / np.sqrt(lost))
+        needed = idle & ~dropped
+        lost = 2.0 * (fewer.values[needed] - values[needed])
+        spread[needed, k] = np.minimum(spread[needed, k], parameters(points)[needed, k] / np.sqrt(lost))
         points[dropped], values[dropped], upper[dropped] = fewer.points[dropped], fewer.values[dropped], bound[dropped]
     again = _dynamics(evaluate, points, values / expected)
-    known = OPTIONAL & ~told
+    undetermined = OPTIONAL & ~determined
     return [
         replace(each, deviations=np.where(none, old, each.deviations))
-        for each, none, old in zip(again, known, spread, strict=True)
+        for each, none, old in zip(again, undetermined, spread, strict=True)
     ]
 
 
 def _first(bodies: Sequence[Moving], pulls: Sequence[Sequence[Pull]]) -> np.ndarray:
     """Return what least squares of the force tell, a start for samples so noisy, shape [joint parameter]."""
-    found = np.tile(STARTS[0], (len(bodies), 1))
+    first = np.tile(STARTS[0], (len(bodies), 1))
     for i, (body, own) in enumerate(zip(bodies, pulls, strict=True)):
         try:
-            found[i] = fit(body, own, 1.0).values
+            first[i] = fit(body, own, 1.0).values
         except InputError:  # they hardly move
             continue
-    return found
+    return first
 
 
 def _dynamics(evaluate: Evaluate, points: np.ndarray, misfits: np.ndarray) -> list[Dynamics]:
-    """Return minima [joint variable] with their deviations."""
     rows = zip(points, curvature(evaluate, points), parameters(points), slopes(points), misfits, strict=True)
     return [Dynamics(x, deviations(point, hessian) * slope, misfit) for point, hessian, x, slope, misfit in rows]
 
 
 def variables(values: np.ndarray) -> np.ndarray:
     """Return what is searched for PARAMETERS, shape [.. parameter]: the mass's logarithm, the others in TYPICAL."""
-    found = values / TYPICAL
-    found[..., 0] = np.log(values[..., 0])
-    return found
+    x = values / TYPICAL
+    x[..., 0] = np.log(values[..., 0])
+    return x
 
 
 def parameters(x: np.ndarray) -> np.ndarray:
     """Return PARAMETERS of what is searched, shape [.. parameter]."""
-    found = x * TYPICAL
-    found[..., 0] = np.exp(x[..., 0])
-    return found
+    values = x * TYPICAL
+    values[..., 0] = np.exp(x[..., 0])
+    return values
 
 
 def slopes(x: np.ndarray) -> np.ndarray:
     """Return the derivative of each parameter by its variable, shape [.. parameter]."""
-    found = np.broadcast_to(TYPICAL, x.shape).copy()
-    found[..., 0] = np.exp(x[..., 0])
-    return found
+    slope = np.broadcast_to(TYPICAL, x.shape).copy()
+    slope[..., 0] = np.exp(x[..., 0])
+    return slope
 
 
 def curvature(evaluate: Evaluate, x: np.ndarray) -> np.ndarray:
@@ -310,8 +309,8 @@ def curvature(evaluate: Evaluate, x: np.ndarray) -> np.ndarray:
         ahead[:, k] += STEP
         behind[:, k] = np.maximum(behind[:, k] - STEP, variables(LOWER)[k])
         columns.append((evaluate(ahead)[1] - evaluate(behind)[1]) / (ahead - behind)[:, k, None])
-    found = np.stack(columns, axis=1)
-    return (found + found.transpose(0, 2, 1)) / 2
+    hessian = np.stack(columns, axis=1)
+    return (hessian + hessian.transpose(0, 2, 1)) / 2
 
 
 def deviations(x: np.ndarray, hessian: np.ndarray) -> np.ndarray:
@@ -322,13 +321,13 @@ def deviations(x: np.ndarray, hessian: np.ndarray) -> np.ndarray:
     """
     free = (x > variables(LOWER) + 1e-6) & (x < variables(UPPER) - 1e-6)
     own = np.diagonal(hessian)
-    found = np.where(own > 0.0, 1.0 / np.sqrt(np.maximum(own, 1e-12)), np.inf)
+    spread = np.where(own > 0.0, 1.0 / np.sqrt(np.maximum(own, 1e-12)), np.inf)
     index = np.flatnonzero(free)
     while len(index):
         values, vectors = np.linalg.eigh(hessian[np.ix_(index, index)])
         if values[0] > 0.0:
-            found[index] = np.sqrt((vectors**2 / values).sum(axis=1))
+            spread[index] = np.sqrt((vectors**2 / values).sum(axis=1))
             break
         flat = (np.abs(vectors[:, 0]) * np.where(OPTIONAL[index], 10.0, 1.0)).argmax()
-        found[index[flat]], index = np.inf, np.delete(index, flat)
-    return found
+        spread[index[flat]], index = np.inf, np.delete(index, flat)
+    return spread

@@ -52,13 +52,13 @@ def lerobot_tables(root: Path, columns: Sequence[str], episodes: Sequence[int]) 
         InputError: no dataset, another version; a column or an episode is missing; a file that cannot be read.
     """
     info = _info(root)
-    found = _columns(info)
-    missing = [name for name in columns if name not in found]
+    available = _columns(info)
+    missing = [name for name in columns if name not in available]
     if missing:
         raise InputError(
-            f"{root}: no {missing[0]!r} among the names of its features, {', '.join(found)}; it needs {', '.join(columns)}"
+            f"{root}: no {missing[0]!r} among the names of its features, {', '.join(available)}; it needs {', '.join(columns)}"
         )
-    chosen = [found[name] for name in columns]
+    chosen = [available[name] for name in columns]
     files = _files(root, info)
     unknown = [episode for episode in episodes if episode not in files]
     if unknown:
@@ -69,7 +69,6 @@ def lerobot_tables(root: Path, columns: Sequence[str], episodes: Sequence[int]) 
 
 
 def _info(root: Path) -> dict[str, Any]:
-    """Return `meta/info.json`."""
     path = root / "meta/info.json"
     try:
         info = json.loads(path.read_text())
@@ -87,7 +86,7 @@ def _info(root: Path) -> dict[str, Any]:
 
 def _columns(info: dict[str, Any]) -> dict[str, Column]:
     """Return where each named number is; of two with one name the first."""
-    found: dict[str, Column] = {"time": ("timestamp", None)}
+    columns: dict[str, Column] = {"time": ("timestamp", None)}
     for feature, about in info["features"].items():
         if not feature.startswith(OBSERVED) or not str(about.get("dtype")).startswith("float"):
             continue
@@ -97,8 +96,8 @@ def _columns(info: dict[str, Any]) -> dict[str, Column]:
         single = list(about.get("shape", ())) == [1]  # a number a row then, no list
         for i, name in enumerate(given or ([short] if single else [])):
             torque = short.split(".")[-1] in TORQUES and name != short
-            found.setdefault(_name(str(name), torque), (feature, None if single else i))
-    return found
+            columns.setdefault(_name(str(name), torque), (feature, None if single else i))
+    return columns
 
 
 def _name(name: str, torque: bool) -> str:
@@ -110,19 +109,17 @@ def _name(name: str, torque: bool) -> str:
 
 
 def _files(root: Path, info: dict[str, Any]) -> dict[int, Path]:
-    """Return the data file of each episode."""
-    found = {}
+    files = {}
     for path in sorted((root / "meta/episodes").glob("*/*.parquet")):
         rows = _read(path, ["episode_index", *CHOICE])
         for episode, chunk, file in zip(*(rows[name] for name in ("episode_index", *CHOICE)), strict=True):
-            found[int(episode)] = root / str(info["data_path"]).format(chunk_index=int(chunk), file_index=int(file))
-    if not found:
+            files[int(episode)] = root / str(info["data_path"]).format(chunk_index=int(chunk), file_index=int(file))
+    if not files:
         raise InputError(f"{root}: no episodes in meta/episodes; give the folder of a whole dataset")
-    return found
+    return files
 
 
 def _frames(path: Path, episode: int, features: Sequence[str], columns: Sequence[Column]) -> np.ndarray:
-    """Return the columns of an episode's frames in their order, shape [frame column]."""
     rows = _read(path, ["episode_index", "frame_index", *features])
     own = np.flatnonzero(np.array(rows["episode_index"]) == episode)
     if not len(own):
@@ -134,7 +131,6 @@ def _frames(path: Path, episode: int, features: Sequence[str], columns: Sequence
 
 
 def _read(path: Path, columns: list[str]) -> dict[str, list[Any]]:
-    """Return columns of a parquet file."""
     import pyarrow.parquet  # of the extra `collect`, which recordings in CSV do without
 
     try:
@@ -211,7 +207,6 @@ def tables(path: Path, columns: Sequence[str], episodes: Sequence[int] = ()) -> 
 
 
 def _csv(path: Path, columns: Sequence[str]) -> np.ndarray:
-    """Return columns of a CSV file, shape [sample column]."""
     if not path.is_file():
         raise InputError(
             f"no recording {str(path)!r}; give a CSV file with the columns {', '.join(columns)}, or a LeRobot dataset's folder"
@@ -219,16 +214,16 @@ def _csv(path: Path, columns: Sequence[str]) -> np.ndarray:
     if not path.read_bytes().strip():
         raise InputError(f"{path}: empty; give the columns {', '.join(columns)}")
     try:
-        found = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8")
+        table = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8")
     except (ValueError, IndexError) as error:
         raise InputError(f"{path}: not a table ({error}); give the columns {', '.join(columns)}") from error
-    names = found.dtype.names or ()
+    names = table.dtype.names or ()
     missing = [name for name in columns if name not in names]
     if missing:
         raise InputError(
             f"{path}: no column {missing[0]!r} among {', '.join(names) or 'none'}; it needs {', '.join(columns)}"
         )
-    return np.stack([np.atleast_1d(found[name]) for name in columns], axis=1)
+    return np.stack([np.atleast_1d(table[name]) for name in columns], axis=1)
 
 
 def _step(where: str, rows: np.ndarray) -> float:
@@ -286,15 +281,15 @@ class ArmDynamics:
         """
         model, data, arm = self._model, self._data, self._dofs[: len(self.spec.arm_joints)]
         model.opt.gravity[2] = -GRAVITY if gravity else 0.0
-        found = np.empty((len(q), 6))
+        wrench = np.empty((len(q), 6))
         jacobian = np.zeros((6, model.nv))
         for i in range(len(q)):
             data.qpos[self._dofs], data.qvel[self._dofs], data.qacc[self._dofs] = q[i], qd[i], qdd[i]
             mujoco.mj_inverse(model, data)
             mujoco.mj_jac(model, data, jacobian[:3], jacobian[3:], point[i], self._tool)
             left = torque[i] - data.qfrc_inverse[arm]
-            found[i] = np.linalg.lstsq(jacobian[:, arm].T, left, rcond=None)[0]
-        return found
+            wrench[i] = np.linalg.lstsq(jacobian[:, arm].T, left, rcond=None)[0]
+        return wrench
 
 
 SMOOTHED = 0.08
@@ -325,8 +320,8 @@ class Recording:
 def read_recordings(path: Path, spec: RobotSpec, episodes: Sequence[int] = ()) -> list[Recording]:
     """Read recordings with the columns `spec.recorded`; see `s2a.joints.pull.tables`."""
     joints = len(spec.joints)
-    found = tables(path, spec.recorded, episodes)
-    return [Recording(rows[:, 1 : 1 + joints], rows[:, 1 + joints :], step) for rows, step in found]
+    recordings = tables(path, spec.recorded, episodes)
+    return [Recording(rows[:, 1 : 1 + joints], rows[:, 1 + joints :], step) for rows, step in recordings]
 
 
 def recorded_pull(recording: Recording, spec: RobotSpec, base: np.ndarray, body: Moving, gravity: bool) -> Pull:

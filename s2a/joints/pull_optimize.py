@@ -10,7 +10,7 @@ import warp as wp
 from scipy.interpolate import BSpline
 
 from s2a.core.bounds import Count, NotNegative, Positive
-from s2a.joints.dynamics import joint_model, resisted
+from s2a.joints.dynamics import Bodies, bodies_at_grasp, joint_model, resisted, weight_of
 from s2a.joints.identify import minimize_together
 from s2a.joints.pulled import Pulled
 from s2a.motion.trajectory import PullLaw, eased
@@ -30,22 +30,14 @@ class Arms:
     """Bodies on their joints and the arms that pull them, a world each; all at the grasp point, s its path [m].
 
     Attributes:
-        lever: path of the grasp point by the coordinate, shape [world].
-        inertia: mass at the grasp point, of the stage's mass [kg], shape [world].
-        turns: 1 for a hinge, 0 for a slide, shape [world].
-        gravity: force along the path [N], of the stage's mass: g0 cos(turns q) + g1 sin(turns q), shape [world] of vec2.
+        bodies: that are pulled.
         dynamics: dynamics.PARAMETERS, shape [world parameter].
-        reach: opening below which a soft close acts [m], shape [world].
         arm: of the arm along the path at even places: stiffness [N/m], damping [N s/m], mass [kg], shape [world place] of vec3.
         spacing: between the places [m], shape [world].
     """
 
-    lever: wp.array(dtype=float)
-    inertia: wp.array(dtype=float)
-    turns: wp.array(dtype=float)
-    gravity: wp.array(dtype=wp.vec2)
+    bodies: Bodies
     dynamics: wp.array2d(dtype=float)
-    reach: wp.array(dtype=float)
     arm: wp.array2d(dtype=wp.vec3)
     spacing: wp.array(dtype=float)
 
@@ -91,13 +83,13 @@ def pull(
     gives it the acceleration of both. Velocities are those of half a step before; see `dynamics.drive`.
     """
     world = wp.tid()
-    lever, mass = h.lever[world], h.dynamics[world, 0] * h.inertia[world]
+    lever, inertia = h.bodies.lever[world], h.bodies.inertia[world]
+    mass = h.dynamics[world, 0] * inertia
     s, v, arm = joint_q[world] * lever, joint_qd[world] * lever, arm_at(h, world, joint_q[world] * lever)
-    turn, g = h.turns[world] * joint_q[world], h.gravity[world]
-    weight = g[0] * wp.cos(turn) + g[1] * wp.sin(turn)
+    weight = weight_of(h.bodies, world, joint_q[world])
     pulled = arm[0] * (setpoint[step, world] - s)
     force = pulled + h.dynamics[world, 0] * weight - h.dynamics[world, 4] * s + STOP * wp.max(-s, 0.0)
-    acts = engaged(s, h.reach[world])
+    acts = engaged(s, h.bodies.reach[world])
     force -= acts * h.dynamics[world, 5]
     inverse = dt / (mass + arm[2])
     damping, friction, breakaway = h.dynamics[world, 1] + arm[1], h.dynamics[world, 2], h.dynamics[world, 3]
@@ -107,7 +99,7 @@ def pull(
     moved.opening[step, world] = s
     moved.speed[step, world] = v + dt * a
     moved.force[step, world] = pulled - arm[1] * (v + 0.5 * dt * a) - arm[2] * a
-    joint_f[world] = (h.inertia[world] * a - weight) * lever  # the solver adds the weight by itself
+    joint_f[world] = (inertia * a - weight) * lever  # the solver adds the weight by itself
 
 
 class ArmWorlds:
@@ -187,18 +179,14 @@ class ArmWorlds:
 
 def _arms(pulled: Sequence[Pulled]) -> Arms:
     """Return bodies and arms as arrays; the arms at as many even places as the most have."""
-    bodies, arms, h = [each.body for each in pulled], [each.arm for each in pulled], Arms()
+    arms, h = [each.arm for each in pulled], Arms()
     count = max(len(arm.path) for arm in arms)
     rows = []
     for arm, closing in zip(arms, (each.closing for each in pulled), strict=True):
         even = np.linspace(0.0, arm.path[-1], count)
         row = np.array([np.interp(even, arm.path, each) for each in (arm.stiffness, arm.damping, arm.mass)])
         rows.append(row[:, ::-1] if closing else row)  # by the opening, which falls along a path that closes
-    h.lever = wp.array([body.lever for body in bodies], dtype=float)
-    h.inertia = wp.array([body.inertia for body in bodies], dtype=float)
-    h.turns = wp.array([float(body.joint.kind == "revolute") for body in bodies], dtype=float)
-    h.gravity = wp.array([body.gravity for body in bodies], dtype=wp.vec2)
-    h.reach = wp.array([body.reach for body in bodies], dtype=float)
+    h.bodies = bodies_at_grasp([each.body for each in pulled])
     h.dynamics = wp.array(np.array([each.dynamics for each in pulled]), dtype=float)
     h.arm = wp.array(np.array(rows).transpose(0, 2, 1), dtype=wp.vec3)
     h.spacing = wp.array([arm.path[-1] / (count - 1) for arm in arms], dtype=float)
@@ -332,11 +320,11 @@ class PullLoss:
         with torch.no_grad():
             seconds, path = self._law(torch.tensor(x))
         spline = _spline(self._config.knots)
-        found = []
+        laws = []
         for time, coefficients, goal in zip(seconds.tolist(), path.numpy(), self._goal.tolist(), strict=True):
             at = np.linspace(0.0, 1.0, int(np.ceil(time * self._config.rate)) + 1)
-            found.append(PullLaw(time, tuple((spline(at) @ coefficients).tolist()), goal))
-        return found
+            laws.append(PullLaw(time, tuple((spline(at) @ coefficients).tolist()), goal))
+        return laws
 
     def _law(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the times [s], shape [point], and the coefficients [m], shape [point knot], of points."""
@@ -421,8 +409,8 @@ def optimize(
     """
     loss = PullLoss(pulled, config, seconds, device=device)
     bounds = np.zeros(loss.variables), np.ones(loss.variables)
-    found = minimize_together(loss, loss.start(), *bounds, config.rounds, np.ones(len(pulled), bool))
-    return optima(loss, found.points), found.rounds
+    minima = minimize_together(loss, loss.start(), *bounds, config.rounds, np.ones(len(pulled), bool))
+    return optima(loss, minima.points), minima.rounds
 
 
 def optima(loss: PullLoss, points: np.ndarray) -> list[Optimum]:

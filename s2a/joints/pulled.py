@@ -73,9 +73,9 @@ def moving(room: SimRoom, part: str, reach: float = REACH) -> Moving:
         part: its id.
         reach: of a soft close [m], where the stage says nothing of it.
     """
-    found = room.articulations[part]
-    body = Moving(found.joint, room.bodies[part].mass, np.array(found.grasp.point), reach)
-    soft = found.resistance and found.resistance.soft_close
+    articulation = room.articulations[part]
+    body = Moving(articulation.joint, room.bodies[part].mass, np.array(articulation.grasp.point), reach)
+    soft = articulation.resistance and articulation.resistance.soft_close
     return replace(body, reach=soft.reach * abs(body.lever)) if soft else body
 
 
@@ -146,9 +146,9 @@ def pulled(sim: Simulation, path: ToolPath, arm: np.ndarray, offset: float = 0.0
     stage, config = sim.stage, sim.config.joint
     part, body = stage.room.articulations[stage.target], moving(stage.room, stage.target)
     damping, spring = (x / body.lever**2 for x in (config.joint_damping(part), config.joint_stiffness(part)))
-    known, lever = part.resistance or Resistance(), abs(body.lever)
-    soft = known.soft_close or SoftClose(0.0, 0.0, 0.0)
-    dry = (part.friction / lever, known.breakaway / lever)
+    resistance, lever = part.resistance or Resistance(), abs(body.lever)
+    soft = resistance.soft_close or SoftClose(0.0, 0.0, 0.0)
+    dry = (part.friction / lever, resistance.breakaway / lever)
     dynamics = (1.0, damping, *dry, spring, soft.force / lever, soft.damping / lever**2)
     closing = abs(float(path.q[-1])) < abs(float(path.q[path.grasp]))
     return Pulled(body, dynamics, arm_along(sim, path, arm), offset, closing)

@@ -32,6 +32,7 @@ from s2a.joints.register_surface import (
     patches,
 )
 from s2a.scan import folder, ply
+from s2a.scan.formats import articulate3d
 from s2a.scan.ply import ScanMesh
 from s2a.scene.articulation import lever_arm, transform
 from s2a.scene.scene import Joint
@@ -154,8 +155,8 @@ def register(closed: OrientedMesh, opened: OrientedMesh) -> Registration:
     room = opened.moved(alignment.motion)
     scans = difference(closed, room)
     fronts = patches(scans.before)
-    found = starts(fronts, patches(scans.after), scans.opened)
-    picked = chosen(candidates(found, fronts, scans))
+    possible = starts(fronts, patches(scans.after), scans.opened)
+    picked = chosen(candidates(possible, fronts, scans))
     proposals = []
     for candidate in picked:
         best, whole = grown(candidate, fronts, scans)
@@ -164,9 +165,9 @@ def register(closed: OrientedMesh, opened: OrientedMesh) -> Registration:
     return Registration(alignment, proposals)
 
 
-def proposed(found: FittedPart, front: Patch, faces: np.ndarray) -> Proposal:
+def proposed(fitted: FittedPart, front: Patch, faces: np.ndarray) -> Proposal:
     """Return a proposal with its standard deviations: those of the fit, and of OFFSET, which no number of samples lessens."""
-    joint, deviations = found.fit.joint, found.fit.deviations
+    joint, deviations = fitted.fit.joint, fitted.fit.deviations
     hinge = joint.kind == "revolute"
     reach = max(lever_arm(joint, point) for point in front.cloud.points[:: max(1, len(front.cloud) // 200)])
     return Proposal(
@@ -175,20 +176,23 @@ def proposed(found: FittedPart, front: Patch, faces: np.ndarray) -> Proposal:
         origin_deviation=float(np.hypot(np.linalg.norm(deviations[2:4]), OFFSET)) if hinge else 0.0,
         open_deviation=float(np.hypot(deviations[-1], OFFSET / reach)),
         faces=faces,
-        explained=found.area,
-        rms=found.fit.rms,
+        explained=fitted.area,
+        rms=fitted.fit.rms,
     )
 
 
 def difference(closed: OrientedMesh, room: OrientedMesh) -> Scans:
     """Return what changed between two scans in one frame, as surfaces and as samples SPACING apart."""
-    gaps = [match(faces_cloud(one), other, REACH).gap for one, other in ((closed, room), (room, closed))]
+    gaps = []
+    for one, other in ((closed, room), (room, closed)):
+        middles = Cloud(one.centroids, one.normals, np.arange(len(one.faces)))
+        gaps.append(match(middles, other, REACH).gap)
     moved = [gap > CHANGED for gap in gaps]
     before, after = (changed(one, mask) for one, mask in zip((closed, room), moved, strict=True))
     return Scans(
-        closed=part(closed, moved[0]),
-        opened=part(room, moved[1]),
-        still=part(closed, ~moved[0]),
+        closed=OrientedMesh(closed.vertices, closed.faces[moved[0]]),
+        opened=OrientedMesh(room.vertices, room.faces[moved[1]]),
+        still=OrientedMesh(closed.vertices, closed.faces[~moved[0]]),
         first=closed,
         room=room,
         before=before,
@@ -196,22 +200,10 @@ def difference(closed: OrientedMesh, room: OrientedMesh) -> Scans:
     )
 
 
-def part(surface: OrientedMesh, mask: np.ndarray) -> OrientedMesh:
-    """Return some faces of a surface, by a mask [face]; its vertices stay."""
-    return OrientedMesh(surface.vertices, surface.faces[mask])
-
-
-def faces_cloud(surface: OrientedMesh) -> Cloud:
-    """Return the middles of all faces."""
-    return Cloud(surface.centroids, surface.normals, np.arange(len(surface.faces)))
-
-
 REPORT = "register.json"
 """The file with all figures, by which an earlier output is known."""
 NAMES = {"prismatic": "drawer", "revolute": "door"}
 """What a proposed part is called, by the kind of its joint; what it is nobody knows."""
-TYPES = {"prismatic": "translation", "revolute": "rotation"}
-"""Articulate3D's words."""
 
 
 def read(path: Path) -> ScanMesh:
@@ -236,19 +228,19 @@ def label(index: int, proposal: Proposal) -> str:
     return f"{NAMES[proposal.joint.kind]}.{index + 1}"
 
 
-def write(found: Registration, mesh: ScanMesh, name: str, out: Path, **facts: Any) -> None:
+def write(registration: Registration, mesh: ScanMesh, name: str, out: Path, **facts: Any) -> None:
     """Write proposals as an annotated scan into a folder.
 
     Args:
-        found: the proposals.
+        registration: the proposals.
         mesh: of the closed scan.
         name: of the scan.
         out: the folder, which exists.
         facts: what else register.json says.
     """
     shutil.copyfile(mesh.path, out / folder.MESH)
-    labels = [label(i, proposal) for i, proposal in enumerate(found.proposals)]
-    numbered = list(zip(range(1, len(labels) + 1), labels, found.proposals, strict=True))
+    labels = [label(i, proposal) for i, proposal in enumerate(registration.proposals)]
+    numbered = list(zip(range(1, len(labels) + 1), labels, registration.proposals, strict=True))
     parts = [{"partId": n, "objectId": n, "label": text, "triIndices": p.faces.tolist()} for n, text, p in numbered]
     stats = {"totalFaces": len(mesh.faces), "totalVertices": len(mesh.vertices)}
     joints = [joint_record(n, p, mesh.origin) for n, _, p in numbered]
@@ -256,11 +248,8 @@ def write(found: Registration, mesh: ScanMesh, name: str, out: Path, **facts: An
     model = f"register.{name}"
     _write(out / f"{name}_parts.json", {"modelId": model, "data": {"stats": stats, "annotations": parts}})
     _write(out / f"{name}_artic.json", {"modelId": model, "data": {"parts": listed, "articulations": joints}})
-    alignment = {
-        "motion": found.alignment.motion.tolist(),
-        "overlap": found.alignment.overlap,
-        "rms_m": found.alignment.rms,
-    }
+    about = registration.alignment
+    alignment = {"motion": about.motion.tolist(), "overlap": about.overlap, "rms_m": about.rms}
     figures = [{"label": text} | figures_of(p) for _, text, p in numbered]
     _write(out / REPORT, {**facts, "alignment": alignment, "parts": figures}, indent=1)
 
@@ -270,7 +259,7 @@ def joint_record(number: int, proposal: Proposal, origin: np.ndarray) -> dict[st
     joint = proposal.joint
     return {
         "pid": number,
-        "type": TYPES[joint.kind],
+        "type": articulate3d.TYPES[joint.kind],
         "origin": (np.array(joint.origin) + origin).tolist(),
         "axis": list(joint.axis),
         "base": [],

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from s2a.joints.register_surface import SPACING, Cloud, OrientedMesh, Patch, connected, match, turned
+from s2a.joints.register_surface import SPACING, Cloud, OrientedMesh, Patch, connected, match
 from s2a.scene.articulation import transform
 from s2a.scene.scene import Joint
 
@@ -56,7 +57,7 @@ class JointFit:
 def changed_joint(joint: Joint, x: np.ndarray) -> Joint:
     """Return a joint after a step of its unknowns: two angles of the axis [rad], (two shifts [m],) the coordinate's change."""
     u, v = across(np.array(joint.axis))
-    axis = turned(x[0] * u + x[1] * v) @ np.array(joint.axis)
+    axis = Rotation.from_rotvec(x[0] * u + x[1] * v).apply(joint.axis)
     origin = np.array(joint.origin) + (x[2] * u + x[3] * v if joint.kind == "revolute" else 0.0)
     return Joint(joint.kind, tuple(axis / np.linalg.norm(axis)), tuple(origin), (0.0, joint.limits[1] + x[-1]))
 
@@ -113,9 +114,9 @@ def fit(
             scale = (every / noise) ** 2  # an inverse variance for as many samples as lie within a correlation length
             information = rows.T @ (rows * (scale * weights)[:, None])
             gradient = rows.T @ (scale * weights * residuals)
-            known, error = square(joint, front)
-            information[:2, :2] += known.T @ known / SQUARE**2
-            gradient[:2] += known.T @ error / SQUARE**2
+            slope, error = square(joint, front)
+            information[:2, :2] += slope.T @ slope / SQUARE**2
+            gradient[:2] += slope.T @ error / SQUARE**2
             step = np.linalg.solve(information + 1e-6 * np.eye(len(information)), -gradient)
             joint = changed_joint(joint, np.clip(step, -0.03, 0.03))
             if np.abs(step).max() < 1e-5:
@@ -215,32 +216,37 @@ def starts(closed: list[Patch], opened: list[Patch], surface: OrientedMesh) -> l
         opened: patches that only the open scan shows.
         surface: what only the open scan shows, all of it.
     """
-    found = []
+    joints = []
     for index, patch in enumerate(closed):
         cloud = patch.cloud[np.linspace(0, len(patch.cloud) - 1, min(POINTS, len(patch.cloud))).astype(int)]
         for other in opened:
             best = None
             for joint in _joints(patch, other):
-                fraction = explained(cloud, surface, joint)
+                motion = transform(joint, joint.limits[1])
+                fraction = float(explained(cloud, motion, surface, REACH, START_ALIKE).mean())
                 if fraction >= min(MIN_FRACTION, MIN_FRONT / patch.area) and (best is None or fraction > best.fraction):
                     best = Start(joint, index, fraction * patch.area, fraction)
             if best is not None:
-                found.append(best)
-    return sorted(found, key=lambda start: -start.area)
+                joints.append(best)
+    return sorted(joints, key=lambda start: -start.area)
 
 
 def front_of(start: Start, patch: Patch, surface: OrientedMesh) -> Patch:
     """Return what a joint explains of a patch, its largest connected piece: fronts beside each other in a plane come as one."""
-    found = match(patch.cloud.moved(transform(start.joint, start.q)), surface, REACH)
-    pieces = connected(patch.cloud[found.alike > START_ALIKE], int(MIN_FRONT / SPACING**2))
+    matches = match(patch.cloud.moved(transform(start.joint, start.q)), surface, REACH)
+    pieces = connected(patch.cloud[matches.alike > START_ALIKE], int(MIN_FRONT / SPACING**2))
     return max(pieces, key=lambda piece: piece.area) if pieces else patch
 
 
-def explained(cloud: Cloud, surface: OrientedMesh, joint: Joint) -> float:
-    """Return how well moved points lie on a surface: 1 if all do exactly, 0 if none is within REACH."""
-    found = match(cloud.moved(transform(joint, joint.limits[1])), surface, REACH)
-    worth = np.where(found.alike > START_ALIKE, 1.0 - (np.minimum(found.gap, REACH) / REACH) ** 2, 0.0)
-    return float(worth.mean())
+def explained(
+    cloud: Cloud, motion: np.ndarray, surface: OrientedMesh, reach: float, alike: float = ALIKE
+) -> np.ndarray:
+    """Return how well each point of a cloud, moved [4 4], lies on a surface, shape [point]: 1 exactly, 0 beyond `reach` [m].
+
+    `alike` is the cosine between normals from which a point counts.
+    """
+    matches = match(cloud.moved(motion), surface, reach)
+    return np.where(matches.alike > alike, 1.0 - (np.minimum(matches.gap, reach) / reach) ** 2, 0.0)
 
 
 def _joints(patch: Patch, other: Patch) -> Iterator[Joint]:
@@ -251,7 +257,8 @@ def _joints(patch: Patch, other: Patch) -> Iterator[Joint]:
         way = float((other.centre - patch.centre) @ patch.normal)
         if MIN_SLIDE < abs(way) < MAX_SLIDE and abs(patch.normal[2]) < UPRIGHT:
             direction = np.sign(way) * patch.normal
-            yield _slide(direction, patch.centre, abs(way))
+            axis = direction / np.linalg.norm(direction)
+            yield Joint("prismatic", tuple(axis), tuple(patch.centre), (0.0, abs(way)))
         return
     axis /= sine
     angle = float(np.arctan2(sine, cosine))
@@ -264,14 +271,5 @@ def _joints(patch: Patch, other: Patch) -> Iterator[Joint]:
     crossing = np.linalg.solve(planes, offsets)
     for setback in SETBACKS:
         origin = crossing - setback * bisector / length
-        if _distance(patch.cloud.points, axis, origin) < NEAR_AXIS:
+        if np.linalg.norm(np.cross(axis, patch.cloud.points - origin), axis=1).min() < NEAR_AXIS:
             yield Joint("revolute", tuple(axis), tuple(origin), (0.0, angle))
-
-
-def _slide(direction: np.ndarray, centre: np.ndarray, q: float) -> Joint:
-    return Joint("prismatic", tuple(direction / np.linalg.norm(direction)), tuple(centre), (0.0, q))
-
-
-def _distance(points: np.ndarray, axis: np.ndarray, origin: np.ndarray) -> float:
-    """Return the distance from a line to the nearest of some points [m]."""
-    return float(np.linalg.norm(np.cross(axis, points - origin), axis=1).min())

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a.joints.register_fit import (
-    ALIKE,
     MAX_SLIDE,
     MAX_TURN,
     MIN_FRONT,
@@ -15,6 +14,7 @@ from s2a.joints.register_fit import (
     JointFit,
     Start,
     across,
+    explained,
     fit,
     front_of,
 )
@@ -77,16 +77,14 @@ def border(patch: Patch) -> list[np.ndarray]:
 
 def _bounding_axes(local: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Return two directions in a plane along which points have the smallest bounding rectangle, shape [2 3]."""
-    u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    u /= np.linalg.norm(u)
-    v = np.cross(normal, u)
-    best, found = np.inf, np.stack([u, v])
+    u, v = across(normal)
+    smallest, best = np.inf, np.stack([u, v])
     for angle in np.radians(np.arange(0, 90, 1.0)):
         axes = np.stack([np.cos(angle) * u + np.sin(angle) * v, np.cos(angle) * v - np.sin(angle) * u])
         low, high = np.quantile(local @ axes.T, [QUANTILE, 1 - QUANTILE], axis=0)
-        if (area := float(np.prod(high - low))) < best:
-            best, found = area, axes
-    return found
+        if (area := float(np.prod(high - low))) < smallest:
+            smallest, best = area, axes
+    return best
 
 
 def held(joint: Joint, patch: Patch, still: OrientedMesh) -> tuple[float, float]:
@@ -141,8 +139,8 @@ def gone(patch: Patch, opened: OrientedMesh, joint: Joint | None = None) -> floa
         return float(np.mean(~hidden))
     back = np.linalg.inv(transform(joint, joint.limits[1]))
     returned = (starts + distance[:, None] * ways) @ back[:3, :3].T + back[:3, 3]
-    asked = ~(hidden & near_box(returned, patch, OWN))
-    return float(np.mean(~hidden[asked])) if np.mean(asked) > MIN_ASKED else 0.0
+    counted = ~(hidden & near_box(returned, patch, OWN))
+    return float(np.mean(~hidden[counted])) if np.mean(counted) > MIN_ASKED else 0.0
 
 
 def shows_inside(patch: Patch, opened: OrientedMesh) -> float:
@@ -286,11 +284,11 @@ class FittedPart:
         return (len(self.before) + len(self.after)) * SPACING**2
 
 
-def candidates(found: list[Start], patches: list[Patch], scans: Scans) -> list[FittedPart]:
+def candidates(starts: list[Start], patches: list[Patch], scans: Scans) -> list[FittedPart]:
     """Return the joints that open outwards, are held by what stands still, and fit, the most surface first."""
-    kept = []
-    floor = {index for index in {start.patch for start in found} if on_floor(patches[index], scans.still)}
-    for start in found:
+    fitting = []
+    floor = {index for index in {start.patch for start in starts} if on_floor(patches[index], scans.still)}
+    for start in starts:
         if start.patch in floor:
             continue
         patch = front_of(start, patches[start.patch], scans.opened)
@@ -298,8 +296,8 @@ def candidates(found: list[Start], patches: list[Patch], scans: Scans) -> list[F
             continue
         candidate = measured(rough(start, patch, scans), patch, scans)
         if candidate.fraction > MIN_EXPLAINED and possible(candidate.fit.joint, patch, scans):
-            kept.append(candidate)
-    return sorted(kept, key=lambda candidate: -candidate.area)
+            fitting.append(candidate)
+    return sorted(fitting, key=lambda candidate: -candidate.area)
 
 
 def possible(joint: Joint, patch: Patch, scans: Scans) -> bool:
@@ -313,20 +311,20 @@ def possible(joint: Joint, patch: Patch, scans: Scans) -> bool:
     return min(reaches(joint, patch, scans.room), before_room(joint, patch, scans.first)) > MIN_REACHES
 
 
-def chosen(found: list[FittedPart]) -> list[FittedPart]:
+def chosen(candidates: list[FittedPart]) -> list[FittedPart]:
     """Return the candidates that explain what no better one does."""
     before: set[int] = set()
     after: set[int] = set()
-    kept = []
-    for candidate in found:
+    picks = []
+    for candidate in candidates:
         new = len(set(candidate.before) - before) / max(1, len(candidate.before))
         new_after = len(set(candidate.after) - after) / max(1, len(candidate.after))
         tilt = float(np.linalg.norm(candidate.fit.deviations[:2]))
         if min(new, new_after) >= MIN_NEW and tilt < MAX_TILT and len(candidate.before) * SPACING**2 > MIN_FRONT / 2:
-            kept.append(candidate)
+            picks.append(candidate)
             before |= set(candidate.before)
             after |= set(candidate.after)
-    return kept
+    return picks
 
 
 def thinned(cloud: Cloud, count: int) -> Cloud:
@@ -354,7 +352,9 @@ def rough(start: Start, patch: Patch, scans: Scans) -> JointFit:
     before, after_cloud = thinned(scans.before[indices], FEW), thinned(scans.after[after], FEW)
     best, most = start.joint, -1.0
     for joint in _shifted(start.joint, patch):
-        worth = _worth(joint, before, scans.opened, 0.02).mean() + _worth_back(joint, after_cloud, scans, 0.02).mean()
+        motion = transform(joint, joint.limits[1])
+        worth = explained(before, motion, scans.opened, 0.02).mean()
+        worth += explained(after_cloud, np.linalg.inv(motion), scans.closed, 0.02).mean()
         if worth > most:
             best, most = joint, worth
     return fitted(best, patch, scans, indices, after, FEW)
@@ -375,53 +375,43 @@ def _shifted(joint: Joint, patch: Patch) -> list[Joint]:
         u, v = across(axis)
         ends = [q * axis + a * u + b * v for a in LATERAL for b in LATERAL]
         lengths = [float(np.linalg.norm(end)) for end in ends]
-        found = zip(ends, lengths, strict=True)
-        return [replace(joint, axis=tuple(end / length), limits=(0.0, length)) for end, length in found]
+        sideways = zip(ends, lengths, strict=True)
+        return [replace(joint, axis=tuple(end / length), limits=(0.0, length)) for end, length in sideways]
     bisector = patch.normal + transform(joint, q)[:3, :3] @ patch.normal
     bisector /= max(float(np.linalg.norm(bisector)), 1e-9)
     return [replace(joint, origin=tuple(np.array(joint.origin) + shift * bisector)) for shift in SHIFTS]
 
 
-def _worth(joint: Joint, before: Cloud, opened: OrientedMesh, reach: float) -> np.ndarray:
-    """Return how well each sample is explained, 0 to 1, shape [sample]."""
-    found = match(before.moved(transform(joint, joint.limits[1])), opened, reach)
-    return np.where(found.alike > ALIKE, 1.0 - (np.minimum(found.gap, reach) / reach) ** 2, 0.0)
-
-
-def _worth_back(joint: Joint, after: Cloud, scans: Scans, reach: float) -> np.ndarray:
-    found = match(after.moved(np.linalg.inv(transform(joint, joint.limits[1]))), scans.closed, reach)
-    return np.where(found.alike > ALIKE, 1.0 - (np.minimum(found.gap, reach) / reach) ** 2, 0.0)
-
-
-def measured(found: JointFit, patch: Patch, scans: Scans) -> FittedPart:
+def measured(joint_fit: JointFit, patch: Patch, scans: Scans) -> FittedPart:
     """Return a fit with what it explains."""
-    before, after = region(found.joint, patch, scans)
-    explained = _worth(found.joint, scans.before[before], scans.opened, TIGHT) > 0
-    returned = _worth_back(found.joint, scans.after[after], scans, TIGHT) > 0
+    before, after = region(joint_fit.joint, patch, scans)
+    motion = transform(joint_fit.joint, joint_fit.joint.limits[1])
+    ahead = explained(scans.before[before], motion, scans.opened, TIGHT) > 0
+    back = explained(scans.after[after], np.linalg.inv(motion), scans.closed, TIGHT) > 0
     members = np.isin(before, np.flatnonzero(near_box(scans.before.points, patch, 0.005)))
-    fraction = float(explained[members].mean()) if members.any() else 0.0
-    return FittedPart(found, patch, before[explained], after[returned], fraction)
+    fraction = float(ahead[members].mean()) if members.any() else 0.0
+    return FittedPart(joint_fit, patch, before[ahead], after[back], fraction)
 
 
 def grown(candidate: FittedPart, patches: list[Patch], scans: Scans) -> tuple[FittedPart, Patch]:
     """Return a candidate fitted finely to all patches near its front that its joint explains, and those as one patch."""
     patch = candidate.front
-    found = candidate.fit
+    joint_fit = candidate.fit
     for _ in range(2):
-        members = [patch]
+        members, motion = [patch], transform(joint_fit.joint, joint_fit.joint.limits[1])
         for other in patches:
             near = other is not patch and near_box(other.cloud.points, patch, NEXT).mean() > 0.5
-            if near and (_worth(found.joint, thinned(other.cloud, FEW), scans.opened, TIGHT) > 0).mean() > MIN_MEMBER:
+            if near and (explained(thinned(other.cloud, FEW), motion, scans.opened, TIGHT) > 0).mean() > MIN_MEMBER:
                 members.append(other)
         clouds = [member.cloud for member in members]
         points, normals, faces = (
             np.concatenate([getattr(c, n) for c in clouds]) for n in ("points", "normals", "faces")
         )
         whole = Patch(Cloud(points, normals, faces), patch.normal, patch.centre, sum(m.area for m in members))
-        now = measured(found, whole, scans)
-        patch = replace(whole, normal=front_normal(found.joint, now, patch, scans))
-        found = fitted(found.joint, patch, scans, now.before, now.after, MANY)
-    return measured(found, patch, scans), patch
+        now = measured(joint_fit, whole, scans)
+        patch = replace(whole, normal=front_normal(joint_fit.joint, now, patch, scans))
+        joint_fit = fitted(joint_fit.joint, patch, scans, now.before, now.after, MANY)
+    return measured(joint_fit, patch, scans), patch
 
 
 def front_normal(joint: Joint, candidate: FittedPart, patch: Patch, scans: Scans) -> np.ndarray:

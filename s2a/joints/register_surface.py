@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
 
@@ -176,7 +177,7 @@ def changed(surface: OrientedMesh, mask: np.ndarray) -> Cloud:
 
 def patches(cloud: Cloud) -> list[Patch]:
     """Return the flat patches of samples, the largest planes first."""
-    found: list[Patch] = []
+    flats: list[Patch] = []
     rng = np.random.default_rng(SEED)
     min_samples = int(MIN_AREA / SPACING**2)
     rest = cloud
@@ -184,11 +185,9 @@ def patches(cloud: Cloud) -> list[Patch]:
         members = _best_plane(rest, rng)
         if len(members) < min_samples:
             break
-        found += [patch for patch in connected(rest[members], min_samples)]
-        keep = np.ones(len(rest), bool)
-        keep[members] = False
-        rest = rest[keep]
-    return found
+        flats += connected(rest[members], min_samples)
+        rest = rest[np.delete(np.arange(len(rest)), members)]
+    return flats
 
 
 def _best_plane(cloud: Cloud, rng: np.random.Generator) -> np.ndarray:
@@ -231,13 +230,13 @@ def connected(cloud: Cloud, min_samples: int) -> list[Patch]:
     grid = np.zeros(cells.max(axis=0) + 1, bool)
     grid[tuple(cells.T)] = True
     labels = ndimage.label(grid, np.ones((3, 3)))[0][tuple(cells.T)]
-    found = []
+    pieces = []
     for number in range(1, labels.max() + 1):
         some = cloud[labels == number]
         if len(some) >= min_samples:
             normal, centre = plane(some.points, some.normals)
-            found.append(Patch(some, normal, centre, len(some) * SPACING**2))
-    return found
+            pieces.append(Patch(some, normal, centre, len(some) * SPACING**2))
+    return pieces
 
 
 SAMPLES = 15000
@@ -270,15 +269,15 @@ class Alignment:
 def align(first: OrientedMesh, other: OrientedMesh) -> Alignment:
     """Return the rigid motion that brings another scan of a room onto the first, whatever moved in it."""
     middle = np.append((other.vertices.min(axis=0) + other.vertices.max(axis=0)) / 2, 1.0)
-    found: list[Alignment] = []
+    alignments: list[Alignment] = []
     for turn in TURNS:
         start = np.eye(4)
         start[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
         start[:3, 3] = (middle - start @ middle)[:3]
-        found.append(_icp(first, other, start))
-        if found[-1].overlap > 0.8:
+        alignments.append(_icp(first, other, start))
+        if alignments[-1].overlap > 0.8:
             break
-    return max(found, key=lambda alignment: alignment.overlap)
+    return max(alignments, key=lambda alignment: alignment.overlap)
 
 
 def _icp(first: OrientedMesh, other: OrientedMesh, motion: np.ndarray) -> Alignment:
@@ -287,14 +286,16 @@ def _icp(first: OrientedMesh, other: OrientedMesh, motion: np.ndarray) -> Alignm
     for reach in REACHES:
         for _ in range(STEPS):
             moved = cloud.moved(motion)
-            found = match(moved, first, reach)
-            weight = np.where((found.alike > ALIKE) & found.inner, (1 - np.clip(found.gap / reach, 0, 1) ** 2) ** 2, 0)
-            step = rigid_step(moved.points, found.normal, found.offset, weight)
+            matches = match(moved, first, reach)
+            weight = np.where(
+                (matches.alike > ALIKE) & matches.inner, (1 - np.clip(matches.gap / reach, 0, 1) ** 2) ** 2, 0
+            )
+            step = rigid_step(moved.points, matches.normal, matches.offset, weight)
             motion = step @ motion
             if np.abs(step - np.eye(4)).max() < 1e-5:
                 break
-    close = (found.gap < REACHES[-1]) & (found.alike > ALIKE)
-    rms = float(np.sqrt(np.mean(found.offset[close] ** 2))) if close.any() else np.inf
+    close = (matches.gap < REACHES[-1]) & (matches.alike > ALIKE)
+    rms = float(np.sqrt(np.mean(matches.offset[close] ** 2))) if close.any() else np.inf
     return Alignment(motion, float(close.mean()), rms)
 
 
@@ -315,15 +316,6 @@ def rigid_step(points: np.ndarray, normals: np.ndarray, offsets: np.ndarray, wei
     weighted = rows * weights[used, None]
     x = np.linalg.solve(rows.T @ weighted + 1e-9 * np.eye(6), -weighted.T @ offsets[used])
     step = np.eye(4)
-    step[:3, :3] = turned(x[:3])
+    step[:3, :3] = Rotation.from_rotvec(x[:3]).as_matrix()
     step[:3, 3] = centre + x[3:] - step[:3, :3] @ centre
     return step
-
-
-def turned(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation by a rotation vector [rad], shape [3 3]: Rodrigues' formula."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    cross = np.cross(vector / angle, np.eye(3)).T
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross

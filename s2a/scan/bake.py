@@ -86,7 +86,7 @@ def _long_edges(mesh: SourceMesh, texel: float) -> tuple[np.ndarray, np.ndarray]
 
 def _detail(mesh: SourceMesh, chosen: np.ndarray, texel: float) -> np.ndarray:
     """Return which of some faces have a texture that their corners' colours do not tell, shape [chosen]."""
-    found = np.zeros(len(chosen), dtype=bool)
+    detailed = np.zeros(len(chosen), dtype=bool)
     textured = np.array([material.texture is not None for material in mesh.materials] + [False])[mesh.material[chosen]]
     corners = mesh.vertices[mesh.faces[chosen]]
     size = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
@@ -95,8 +95,8 @@ def _detail(mesh: SourceMesh, chosen: np.ndarray, texel: float) -> np.ndarray:
         weights = _grid(int(count))
         mine = np.flatnonzero(textured & (steps == count))
         for chunk in np.array_split(mine, max(1, len(mine) * len(weights) // _CHUNK)):
-            found[chunk] = _differs(mesh, chosen[chunk], weights)
-    return found
+            detailed[chunk] = _differs(mesh, chosen[chunk], weights)
+    return detailed
 
 
 def _differs(mesh: SourceMesh, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -71,14 +71,14 @@ class Record:
 
     def indices(self, key: str, count: int, elements: str) -> np.ndarray:
         """Return a list of indices from 0 to count - 1 into the elements (faces, vertices) of the mesh, shape [n], int64."""
-        found = self.integers(key)
-        if len(found) and not 0 <= found.min() <= found.max() < count:
-            wrong = found[(found < 0) | (found >= count)]
+        indices = self.integers(key)
+        if len(indices) and not 0 <= indices.min() <= indices.max() < count:
+            wrong = indices[(indices < 0) | (indices >= count)]
             raise InputError(
                 f"{self.where}: {key} holds {wrong[0]}, but the mesh has {count} {elements} (0 to {count - 1}); "
                 "take the mesh that was annotated"
             )
-        return found
+        return indices
 
     def record(self, key: str) -> Record:
         """Return a JSON object."""
@@ -101,8 +101,8 @@ class Record:
     def _get(self, key: str) -> Any:
         """Return a value, or raise an InputError that says which keys there are."""
         if not self.has(key):
-            known = ", ".join(map(repr, sorted(self.values)[:8])) or "none"
-            raise InputError(f"{self.where}: key {key!r} is missing; keys found: {known}")
+            keys = ", ".join(map(repr, sorted(self.values)[:8])) or "none"
+            raise InputError(f"{self.where}: key {key!r} is missing; keys found: {keys}")
         return self.values[key]
 
 
@@ -124,6 +124,5 @@ def load(path: Path) -> Record:
 
 
 def _is_finite(value: object) -> bool:
-    """Return True for a finite JSON number."""
     # Compared rather than asked with math.isfinite, which fails on JSON's arbitrarily large integers.
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max

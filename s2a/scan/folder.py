@@ -56,11 +56,6 @@ def has_mesh(path: Path) -> bool:
     return bool(_meshes(path))
 
 
-def has_segments(path: Path) -> bool:
-    """Return True if a folder holds any of ScanNet++'s two files of segments."""
-    return _first(_folders(path), SEGMENTS, GROUPS) is not None
-
-
 def scannet_mesh(path: Path) -> Path | None:
     """Return ScanNet's decimated mesh in a folder, which its segments count in; None without one."""
     return next((file for each in _folders(path) for file in sorted(each.glob(f"[!.]*{SCANNET}"))), None)
@@ -76,8 +71,8 @@ def find_bare(path: Path) -> BareFiles:
     """
     meshes = _meshes(path)
     if len(meshes) != 1:
-        found = ", ".join(file.name for file in meshes[:4]) or "none"
-        raise InputError(f"{path}: expected one mesh, {MESH} (found: {found}); give the folder of one scan")
+        names = ", ".join(file.name for file in meshes[:4]) or "none"
+        raise InputError(f"{path}: expected one mesh, {MESH} (found: {names}); give the folder of one scan")
     whole = path.resolve()
     name = whole.parent.name if whole.name == "scans" else whole.name
     return BareFiles(name, meshes[0], _segments(path, _folders(path)))
@@ -162,22 +157,20 @@ def _meshes(path: Path) -> list[Path]:
 
 
 def _why_not_one(path: Path, parts: list[Path]) -> str:
-    """Say why a folder is not the folder of one scan."""
     if parts:
-        found = ", ".join([file.name for file in parts[:4]] + ["..."] * (len(parts) > 4))
-        return f"holds {len(parts)} scans ({found}); keep each scan in a folder of its own"
+        names = ", ".join([file.name for file in parts[:4]] + ["..."] * (len(parts) > 4))
+        return f"holds {len(parts)} scans ({names}); keep each scan in a folder of its own"
     below = sorted({file.parent.name for file in path.glob("*/[!.]*_parts.json")})[:4]
     if below:
         return f"holds no annotated scan, but its subfolders do; give one of them: {', '.join(below)}"
     files = sorted(path.iterdir())
     if remedy := next(filter(None, map(mesh_remedy, files)), None):
         return f"holds no PLY mesh; {remedy}"
-    found = ", ".join(file.name for file in files[:6]) or "nothing"
+    names = ", ".join(file.name for file in files[:6]) or "nothing"
     formats = ", ".join(each.NAME for each in registry.formats("s2a.scan.formats"))
     return (
-        f"holds no annotated scan: <scene>_parts.json is missing (found: {found}); "
-        f"possible: {formats} (docs/own_scan.md lists their files); "
-        "give the folder of one scan"
+        f"holds no annotated scan: <scene>_parts.json is missing (found: {names}); possible: {formats} (docs/own_scan.md "
+        "lists their files); give the folder of one scan"
     )
 
 

@@ -15,14 +15,8 @@ from s2a.scan.source import Stated
 from s2a.scan.surfels import Sampled, sample
 from s2a.scan.upright import Candidate
 
-UP = {
-    "x": (1.0, 0.0, 0.0),
-    "y": (0.0, 1.0, 0.0),
-    "z": (0.0, 0.0, 1.0),
-    "-x": (-1.0, 0.0, 0.0),
-    "-y": (0.0, -1.0, 0.0),
-    "-z": (0.0, 0.0, -1.0),
-}
+UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+UP |= {"-x": (-1.0, 0.0, 0.0), "-y": (0.0, -1.0, 0.0), "-z": (0.0, 0.0, -1.0)}
 """Directions in the file's frame, by name."""
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 """Metres a unit."""
@@ -134,16 +128,16 @@ def find(
         InputError: neither file nor room tells, or the room contradicts the file.
     """
     mesh = sample(vertices, faces)
-    said = stated if stated.up or not habit else Stated(habit.up, stated.unit or habit.unit, habit.by)
+    statement = stated if stated.up or not habit else Stated(habit.up, stated.unit or habit.unit, habit.by)
     if isinstance(up, str) and up == "auto":
-        metres, named = UNITS.get(unit, said.unit), stated.up is None
-        direction, why, confidence, doubts = _detect(mesh, said, metres, named, cameras)
+        metres, named = UNITS.get(unit, statement.unit), stated.up is None
+        direction, why, confidence, doubts = _detect(mesh, statement, metres, named, cameras)
     else:
         direction, why, confidence, doubts = _given(up), "as given", None, ()
     direction, why, tilted = _leveled(mesh, direction, why, level)
     # Quantiles of a few large faces say little.
     height = mesh.height(direction) if len(faces) >= 100 else float(np.ptp(vertices[faces].reshape(-1, 3) @ direction))
-    factor, why_unit, more = _unit(height, said, unit)
+    factor, why_unit, more = _unit(height, statement, unit)
     values = tuple(float(x) for x in direction)
     return FileFrame((values[0], values[1], values[2]), factor, why, why_unit, confidence, (*doubts, *tilted, *more))
 
@@ -179,43 +173,39 @@ def _given(up: str | Sequence[float]) -> np.ndarray:
 
 
 def _detect(
-    mesh: Sampled,
-    stated: Stated,
-    metres: float | None,
-    named: bool,
-    cameras: np.ndarray | None,
+    mesh: Sampled, stated: Stated, metres: float | None, named: bool, cameras: np.ndarray | None
 ) -> tuple[np.ndarray, str, float, tuple[str, ...]]:
     """Return the up direction, why, its probability, and doubts about it.
 
     Raises:
         InputError: it is not clear, or the surface contradicts the statement.
     """
-    found = upright.candidates(mesh, metres)
+    candidates = upright.candidates(mesh, metres)
     if stated.up is None:
-        return _undeclared(mesh, found, cameras)
+        return _undeclared(mesh, candidates, cameras)
     axis = np.array(UP[stated.up])
-    odds = _odds(found, axis, _HABIT if named else _STATED)
-    if not found:
+    odds = _odds(candidates, axis, _HABIT if named else _STATED)
+    if not candidates:
         return axis, f"stated by {stated.by}", 1.0, ()
-    alone = _odds(found, None, 0.0)
-    best, own = int(np.argmax(alone)), min(range(len(found)), key=lambda i: _angle(found[i].up, axis))
-    sure = alone[best] >= upright.required(found, found[best]) and not upright.reasons(found[best])
-    flat = _angle(found[own].up, axis) < _SAME
+    alone = _odds(candidates, None, 0.0)
+    best, own = int(np.argmax(alone)), min(range(len(candidates)), key=lambda i: _angle(candidates[i].up, axis))
+    sure = alone[best] >= upright.required(candidates, candidates[best]) and not upright.reasons(candidates[best])
+    flat = _angle(candidates[own].up, axis) < _SAME
     if flat and (not sure or int(np.argmax(odds)) == own):
         rather = alone[best] > _RATHER * alone[own]
-        doubt = f"the surface speaks rather for {_list(found, alone)}; look at image=FILE.png, or give up="
+        doubt = f"the surface speaks rather for {_list(candidates, alone)}; look at image=FILE.png, or give up="
         return axis, f"stated by {stated.by}", float(odds[own]), (doubt,) if rather else ()
     if sure and not flat:
         doubt = f"{stated.by} states {stated.up} up, but no level surface faces it; the room is levelled by its surface"
-        return found[best].up, "by the surface, against the file", float(alone[best]), (doubt,)
+        return candidates[best].up, "by the surface, against the file", float(alone[best]), (doubt,)
     raise InputError(
-        f"{stated.by} states {stated.up} up, but the surface speaks for {_list(found, alone)}; "
+        f"{stated.by} states {stated.up} up, but the surface speaks for {_list(candidates, alone)}; "
         f"give up={stated.up} or another direction"
     )
 
 
 def _undeclared(
-    mesh: Sampled, found: list[Candidate], cameras: np.ndarray | None
+    mesh: Sampled, candidates: list[Candidate], cameras: np.ndarray | None
 ) -> tuple[np.ndarray, str, float, tuple[str, ...]]:
     """Return the up direction that the surface alone tells, why, its probability, and no doubt.
 
@@ -223,30 +213,30 @@ def _undeclared(
         InputError: it is not clear.
     """
     give = "give up=y or up=z (or x, -x, -y, -z) or a vector, as up=[0,-0.8,-0.6]"
-    if not found:
+    if not candidates:
         raise InputError(f"the up axis cannot be told from the surface, which is flat nowhere; {give}")
-    odds = _odds(found, cameras, _CAMERAS)
+    odds = _odds(candidates, cameras, _CAMERAS)
     best = int(np.argmax(odds))
     # Cameras, too, tell a strip along a wall from a low room, and a table top from a floor.
-    reasons = upright.reasons(found[best]) if cameras is None else []
-    needed = upright.required(found, found[best]) if cameras is None else _SURE_BY_CAMERAS
+    reasons = upright.reasons(candidates[best]) if cameras is None else []
+    needed = upright.required(candidates, candidates[best]) if cameras is None else _SURE_BY_CAMERAS
     if odds[best] < needed or reasons:
         why = f" ({'; '.join(reasons)})" if reasons else f" (less sure than {needed:.2f})"
-        raise InputError(f"the up axis cannot be told from the room{why}: {_list(found, odds)}; {give}")
-    floor = upright.floor_normal(mesh, found[best].up)
-    direction = found[best].up if floor is None else floor
+        raise InputError(f"the up axis cannot be told from the room{why}: {_list(candidates, odds)}; {give}")
+    floor = upright.floor_normal(mesh, candidates[best].up)
+    direction = candidates[best].up if floor is None else floor
     axis = _axis(direction)
     if _angle(direction, np.array(UP[axis])) < _ALIGNED:
         direction = np.array(UP[axis])
     return direction, "by the surface" if cameras is None else "by the surface and the cameras", float(odds[best]), ()
 
 
-def _odds(found: list[Candidate], stated: np.ndarray | None, belief: float) -> np.ndarray:
+def _odds(candidates: list[Candidate], stated: np.ndarray | None, belief: float) -> np.ndarray:
     """Return the probability of each candidate, given what is stated."""
-    if not found:
+    if not candidates:
         return np.zeros(0)
-    scores = np.array([candidate.score for candidate in found])
-    for i, candidate in enumerate(found):
+    scores = np.array([candidate.score for candidate in candidates])
+    for i, candidate in enumerate(candidates):
         if stated is not None:
             scores[i] += belief * (_angle(candidate.up, stated) < _SAME)
         else:
@@ -256,19 +246,13 @@ def _odds(found: list[Candidate], stated: np.ndarray | None, belief: float) -> n
     return odds
 
 
-def _list(found: list[Candidate], odds: np.ndarray) -> str:
-    """Return the likeliest candidates with their probabilities, for a message."""
-    order = np.argsort(-odds)[:3]
-    return ", ".join(f"{_short(found[i].up)} {odds[i]:.2f}" for i in order)
-
-
-def _short(direction: np.ndarray) -> str:
-    axis = _axis(direction)
-    return (
-        axis
-        if _angle(direction, np.array(UP[axis])) < _ALIGNED
-        else "[" + ",".join(f"{x + 0.0:.2f}" for x in direction) + "]"
-    )
+def _list(candidates: list[Candidate], odds: np.ndarray) -> str:
+    texts = []
+    for i in np.argsort(-odds)[:3]:
+        up, axis = candidates[i].up, _axis(candidates[i].up)
+        aligned = _angle(up, np.array(UP[axis])) < _ALIGNED
+        texts.append(f"{axis if aligned else '[' + ','.join(f'{x + 0.0:.2f}' for x in up) + ']'} {odds[i]:.2f}")
+    return ", ".join(texts)
 
 
 def _leveled(mesh: Sampled, direction: np.ndarray, why: str, level: bool) -> tuple[np.ndarray, str, tuple[str, ...]]:
@@ -279,19 +263,14 @@ def _leveled(mesh: Sampled, direction: np.ndarray, why: str, level: bool) -> tup
     """
     floor = upright.floor_normal(mesh, direction)
     if floor is None:
-        if level:
-            raise InputError(
-                f"no floor lies within {upright.CORRECTED:g} deg of up {name(direction)}; give level=false"
-            )
-        return direction, why, ()
+        if not level:
+            return direction, why, ()
+        raise InputError(f"no floor lies within {upright.CORRECTED:g} deg of up {name(direction)}; give level=false")
     tilt = _angle(floor, direction)
     if level:
         return floor, f"{why}, corrected by {tilt:.2f} deg to the floor", ()
-    return (
-        direction,
-        why,
-        (f"the floor tilts by {tilt:.1f} deg; if that is an error, give level=true",) if tilt > _TILT else (),
-    )
+    doubt = f"the floor tilts by {tilt:.1f} deg; if that is an error, give level=true"
+    return direction, why, (doubt,) if tilt > _TILT else ()
 
 
 def _axis(direction: np.ndarray) -> str:
@@ -300,7 +279,6 @@ def _axis(direction: np.ndarray) -> str:
 
 
 def _angle(first: np.ndarray, second: np.ndarray) -> float:
-    """Return the angle between two unit vectors [deg]."""
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second)))
 
 
@@ -313,10 +291,9 @@ def _to_z(direction: np.ndarray) -> np.ndarray:
     return np.array([[1 - x * x * scale, -x * y * scale, -x], [-x * y * scale, 1 - y * y * scale, -y], [x, y, z]])
 
 
-def _unit(height: float, stated: Stated, asked: str) -> tuple[float, str, tuple[str, ...]]:
-    """Return metres a unit, why, and doubts about it."""
-    if asked != "auto":
-        return UNITS[asked], "as given", ()
+def _unit(height: float, stated: Stated, unit: str) -> tuple[float, str, tuple[str, ...]]:
+    if unit != "auto":
+        return UNITS[unit], "as given", ()
     usual = [key for key, factor in UNITS.items() if TYPICAL[0] <= factor * height <= TYPICAL[1]]
     possible = [key for key, factor in UNITS.items() if POSSIBLE[0] <= factor * height <= POSSIBLE[1]]
     if stated.unit is not None:

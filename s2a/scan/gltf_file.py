@@ -56,8 +56,8 @@ class GltfFile:
 
     def items(self, name: str) -> list[Any]:
         """Return a list of the document's top level; empty where it has none."""
-        found = self.document.get(name, [])
-        return found if isinstance(found, list) else []
+        items = self.document.get(name, [])
+        return items if isinstance(items, list) else []
 
     def refuse_compressed(self, names: list[str]) -> None:
         """Raise an InputError for the first name that stands for a compression."""
@@ -70,11 +70,8 @@ class GltfFile:
     def array(self, index: int) -> np.ndarray:
         """Return an accessor's numbers, shape [count width]: float64, normalised integers as 0 to 1 or -1 to 1."""
         accessor = self.items("accessors")[index]
-        kind, width, count = (
-            np.dtype("<" + COMPONENTS[accessor["componentType"]]),
-            WIDTHS[accessor["type"]],
-            int(accessor["count"]),
-        )
+        kind = np.dtype("<" + COMPONENTS[accessor["componentType"]])
+        width, count = WIDTHS[accessor["type"]], int(accessor["count"])
         if not 0 <= count * width <= _MOST:
             raise ValueError(f"accessor {index} has {count} elements")
         if "bufferView" in accessor:
@@ -90,7 +87,8 @@ class GltfFile:
     def view(self, index: int) -> bytes:
         """Return the bytes of a buffer view."""
         view = self.items("bufferViews")[index]
-        self.refuse_compressed(list(view.get("extensions", {})) if not self._has_bytes(view["buffer"]) else [])
+        if not ("uri" in self.items("buffers")[view["buffer"]] or (view["buffer"] == 0 and self._chunk)):
+            self.refuse_compressed(list(view.get("extensions", {})))
         buffer, start = self._buffer(view["buffer"]), int(view.get("byteOffset", 0))
         if not 0 <= start <= start + int(view["byteLength"]) <= len(buffer):
             raise ValueError(f"buffer view {index} ends beyond its buffer")
@@ -105,9 +103,6 @@ class GltfFile:
             )
         file = beside(self.path.parent, uri)
         return None if file is None else file.read_bytes()
-
-    def _has_bytes(self, index: int) -> bool:
-        return "uri" in self.items("buffers")[index] or (index == 0 and bool(self._chunk))
 
     def _buffer(self, index: int) -> bytes:
         if index not in self._buffers:
@@ -138,7 +133,6 @@ class GltfFile:
 
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:
-    """Return the JSON and the binary chunk of a GLB file."""
     if data[:4] != b"glTF":
         raise InputError(f"{path}: is no GLB file; export it again")
     try:
@@ -147,16 +141,16 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:
             raise InputError(f"{path}: is GLB {version}; 2 is possible: export it again")
         if length > len(data):
             raise InputError(f"{path}: truncated, {len(data)} of {length} bytes; copy or download it again")
-        found: dict[int, bytes] = {}
+        chunks: dict[int, bytes] = {}
         at = 12
         while at + 8 <= length:
             size, kind = struct.unpack_from("<II", data, at)
-            found.setdefault(kind, data[at + 8 : at + 8 + size])
+            chunks.setdefault(kind, data[at + 8 : at + 8 + size])
             at += 8 + size
             # A chunk's length counts its padding; some writers leave the padding out, others do not count it.
             if at % 4 and struct.unpack_from("<4xI", data.ljust(at + 8, b"\0"), at)[0] not in (_JSON, _BINARY):
                 at += -at % 4
-        return found[_JSON], found.get(_BINARY, b"")
+        return chunks[_JSON], chunks.get(_BINARY, b"")
     except (struct.error, KeyError) as error:
         raise InputError(f"{path}: truncated or no GLB ({error}); copy or export it again") from error
 
@@ -194,7 +188,10 @@ class GltfMaterials:
         inside = np.clip(faces, 0, count - 1)  # a damaged index is refused later, with its number
         colors = np.full((*faces.shape, 3), np.nan, dtype=np.float32)
         if "COLOR_0" in attributes:
-            colors = self._colors(attributes["COLOR_0"])[inside]
+            levels = self._fractions(attributes["COLOR_0"])
+            if levels.shape[1] < 3:
+                raise ValueError(f"colours of {levels.shape[1]} numbers")
+            colors = np.clip(levels[:, :3], 0, 1).astype(np.float32)[inside]
         uv = np.full((*faces.shape, 2), np.nan)
         if "material" not in primitive:
             return uv, colors, None
@@ -208,24 +205,11 @@ class GltfMaterials:
         if name not in attributes:
             self.lost[f"faces have a texture and no {name}; they get the material's colour"] += len(faces)
             return uv, colors, material
-        found = self._coordinates(attributes[name])
-        return (_transformed(found, transform) * [1, -1] + [0, 1])[inside], colors, material
-
-    def _colors(self, index: int) -> np.ndarray:
-        """Return the colours of vertices, linear, shape [vertex 3], float32; integers are fractions of their largest."""
-        values = self._fractions(index)
-        if values.shape[1] < 3:
-            raise ValueError(f"colours of {values.shape[1]} numbers")
-        return np.clip(values[:, :3], 0, 1).astype(np.float32)
-
-    def _coordinates(self, index: int) -> np.ndarray:
-        accessor = self._file.items("accessors")[index]
-        quantized = "KHR_mesh_quantization" in self._file.items("extensionsUsed")
-        return (
-            self._file.array(index).astype(np.float64)
-            if quantized or "normalized" in accessor
-            else self._fractions(index)
-        )
+        index = attributes[name]
+        exact = "normalized" in self._file.items("accessors")[index]
+        exact = exact or "KHR_mesh_quantization" in self._file.items("extensionsUsed")
+        coordinates = self._file.array(index).astype(np.float64) if exact else self._fractions(index)
+        return (_transformed(coordinates, transform) * [1, -1] + [0, 1])[inside], colors, material
 
     def _fractions(self, index: int) -> np.ndarray:
         """Return an accessor's numbers; integers become fractions although the file forgot to say so."""
@@ -233,7 +217,6 @@ class GltfMaterials:
         return values / np.iinfo(values.dtype).max if values.dtype.kind in "iu" else values
 
     def _material(self, index: int) -> tuple[Material, dict[str, Any]]:
-        """Return a material, and what it says of its texture's coordinates."""
         if index not in self._materials:
             record = self._file.items("materials")[index]
             factor, info = _base(record)
@@ -289,11 +272,7 @@ def _base(record: dict[str, Any]) -> tuple[list[float], dict[str, Any]]:
 
 def _transformed(uv: np.ndarray, transform: dict[str, Any]) -> np.ndarray:
     """Return coordinates [vertex 2], v downwards, as KHR_texture_transform moves them."""
-    scale, turn, offset = (
-        transform.get("scale", [1, 1]),
-        float(transform.get("rotation", 0)),
-        transform.get("offset", [0, 0]),
-    )
+    turn = float(transform.get("rotation", 0))
     cos, sin = math.cos(turn), math.sin(turn)
-    moved: np.ndarray = (uv * scale) @ np.array([[cos, -sin], [sin, cos]]) + offset
-    return moved
+    turned = (uv * transform.get("scale", [1, 1])) @ np.array([[cos, -sin], [sin, cos]])
+    return np.asarray(turned + transform.get("offset", [0, 0]))

@@ -12,8 +12,6 @@ import numpy as np
 
 from s2a.core.errors import InputError
 from s2a.scan import frame, labelled_boxes
-from s2a.scan import labelled_boxes as box_files
-from s2a.scan import labelled_boxes as quest_file
 from s2a.scan import source as mesh_files
 from s2a.scan.bake import Baked, bake
 from s2a.scan.folder import MESH
@@ -76,9 +74,12 @@ def convert(
     Raises:
         InputError: the file is damaged, or neither it nor the room tells up axis or unit.
     """
-    source, boxes = quest_file.read_quest(path) if quest_file.recognise_quest(path) else (mesh_files.read(path), [])
-    if labels or box_files.recognise_boxes(path):
-        boxes = [*boxes, *box_files.read_boxes(labels or path)]
+    if labelled_boxes.recognise_quest(path):
+        source, boxes = labelled_boxes.read_quest(path)
+    else:
+        source, boxes = mesh_files.read(path), []
+    if labels or labelled_boxes.recognise_boxes(path):
+        boxes = [*boxes, *labelled_boxes.read_boxes(labels or path)]
     return place(path, source, boxes, texel, up, unit, floor, level)
 
 
@@ -110,15 +111,17 @@ def place(
         InputError: neither the file nor the room tells up axis or unit.
     """
     try:
-        found = frame.find(source.vertices, source.faces, source.stated, up, unit, level, frame.by_name(path), cameras)
+        file_frame = frame.find(
+            source.vertices, source.faces, source.stated, up, unit, level, frame.by_name(path), cameras
+        )
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    baked = bake(source, texel / found.unit)
-    points = found.apply(baked.vertices)
+    baked = bake(source, texel / file_frame.unit)
+    points = file_frame.apply(baked.vertices)
     offset = _offset(points, baked.faces, floor)
     mesh = Mesh(points + offset, baked.faces, baked.colors)
-    placed = tuple(box.moved(found.rotation, found.unit, offset) for box in boxes)
-    return Imported(found, baked, mesh, offset, len(source.faces), int((mesh.face_areas == 0).sum()), placed)
+    placed = tuple(box.moved(file_frame.rotation, file_frame.unit, offset) for box in boxes)
+    return Imported(file_frame, baked, mesh, offset, len(source.faces), int((mesh.face_areas == 0).sum()), placed)
 
 
 def write(done: Imported, source: Path, folder: Path) -> None:

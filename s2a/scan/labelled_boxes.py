@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
+from scipy.spatial.transform import Rotation
 
 from s2a.core.errors import InputError
 from s2a.scan.folder import GROUPS, SEGMENTS
@@ -132,7 +133,6 @@ def read_boxes(path: Path) -> list[LabelledBox]:
 
 
 def _reader(path: Path) -> Callable[[Path], list[LabelledBox]] | None:
-    """Return the reader of a file's layout."""
     if path.suffix.lower() == ".usdz":
         return _roomplan_usdz if _objects(_stage(path)) else None
     if path.suffix.lower() != ".json" or not path.is_file():
@@ -157,17 +157,15 @@ def _arkitscenes(path: Path) -> list[LabelledBox]:
 
 
 def _roomplan_json(path: Path) -> list[LabelledBox]:
-    data = json.loads(path.read_bytes())
-    return [_captured(record, group) for group in _GROUPS for record in data.get(group, [])]
-
-
-def _captured(record: dict[str, Any], group: str) -> LabelledBox:
-    """Return one surface or object of a captured room; its transform is stored column by column."""
-    transform = np.array(record["transform"], dtype=float).reshape(4, 4).T
-    category = record.get("category") if group == "objects" else None
-    label = next(iter(category)) if isinstance(category, dict) else category or group.removesuffix("s")
-    size = np.array(record["dimensions"], dtype=float).reshape(3)
-    return LabelledBox(_words(str(label)), transform[:3, 3], transform[:3, :3].T, size)
+    data, boxes = json.loads(path.read_bytes()), []
+    for group in _GROUPS:
+        for record in data.get(group, []):
+            columns = np.array(record["transform"], dtype=float).reshape(4, 4)  # stored column by column
+            category = record.get("category") if group == "objects" else None
+            label = next(iter(category)) if isinstance(category, dict) else category or group.removesuffix("s")
+            size = np.array(record["dimensions"], dtype=float).reshape(3)
+            boxes.append(LabelledBox(_words(str(label)), columns[3, :3], columns[:3, :3], size))
+    return boxes
 
 
 def _roomplan_usdz(path: Path) -> list[LabelledBox]:
@@ -243,7 +241,6 @@ def read_quest(path: Path) -> tuple[SourceMesh, list[LabelledBox]]:
 
 
 def _triangles(entity: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the vertices of a mesh, placed, shape [vertex 3], and its faces, shape [face 3]."""
     vertices = np.frombuffer(base64.b64decode(entity[_MESH]["vertices"], validate=True), "<f4").reshape(-1, 3)
     faces = np.frombuffer(base64.b64decode(entity[_MESH]["indices"], validate=True), "<u4").reshape(-1, 3)
     rotation, position = _pose(entity)
@@ -251,7 +248,6 @@ def _triangles(entity: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _box(entity: dict[str, Any]) -> LabelledBox:
-    """Return the box or plane of a labelled entity, placed."""
     solid = _BOX in entity
     shape = entity[_BOX] if solid else entity[_PLANE]
     offset = _vector(shape["offset"], "xyz" if solid else "xy")
@@ -264,14 +260,7 @@ def _box(entity: dict[str, Any]) -> LabelledBox:
 
 def _pose(entity: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     """Return the rotation [3 3] and the position [3] of an entity."""
-    w, x, y, z = _vector(entity[_PLACE]["orientation"], "wxyz")
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    rotation = Rotation.from_quat(_vector(entity[_PLACE]["orientation"], "xyzw")).as_matrix()
     return rotation, _vector(entity[_PLACE]["position"], "xyz")
 
 

@@ -51,42 +51,38 @@ def parents(labels: Mapping[int, str]) -> dict[int, int | None]:
     for number, path in paths.items():
         if path:
             owners.setdefault(path, number)
-    found = {number: _nearest(path, owners) for number, path in paths.items()}
-    _warn_of_ambiguity(labels, paths, owners, found)
-    return found
+    parent_of = {number: _nearest(path, owners) for number, path in paths.items()}
+    _warn_of_ambiguity(labels, paths, owners, parent_of)
+    return parent_of
 
 
 def artefacts(labels: Mapping[int, str], parent_of: Mapping[int, int | None]) -> set[int]:
     """Return the parts that annotators marked as artefacts, and all that belongs to one."""
-    found: set[int] = set()
+    removed: set[int] = set()
     for number in parents_first(parent_of):
-        if parent_of[number] in found or is_removed(labels[number]):
-            found.add(number)
-    return found
+        if parent_of[number] in removed or is_removed(labels[number]):
+            removed.add(number)
+    return removed
 
 
 def without(parent_of: Mapping[int, int | None], gone: set[int]) -> dict[int, int | None]:
     """Return each other part's parent when some parts go: the nearest ancestor that stays."""
-    found: dict[int, int | None] = {}
+    parents_left: dict[int, int | None] = {}
     for number, parent in parent_of.items():
         while parent is not None and parent in gone:
             parent = parent_of[parent]
         if number not in gone:
-            found[number] = parent
-    return found
+            parents_left[number] = parent
+    return parents_left
 
 
 def depths(parent_of: Mapping[int, int | None]) -> dict[int, int]:
     """Return the number of ancestors of every part."""
-    found: dict[int, int] = {}
-
-    def depth(number: int) -> int:
-        if number not in found:
-            parent = parent_of[number]
-            found[number] = 0 if parent is None else 1 + depth(parent)
-        return found[number]
-
-    return {number: depth(number) for number in parent_of}
+    depth_of: dict[int, int] = {}
+    for number in parents_first(parent_of):
+        parent = parent_of[number]
+        depth_of[number] = 0 if parent is None else 1 + depth_of[parent]
+    return {number: depth_of[number] for number in parent_of}
 
 
 def parents_first(parent_of: Mapping[int, int | None]) -> list[int]:
@@ -112,11 +108,11 @@ def grasped(movable: set[int], parent_of: Mapping[int, int | None]) -> set[int]:
             if ancestor in below:
                 below[ancestor].append(number)
             ancestor = parent_of[ancestor]
-    found: set[int] = set()
+    handles: set[int] = set()
     for number, descendants in below.items():
         deepest = max((depth[i] for i in descendants), default=0)
-        found |= {i for i in descendants if depth[i] == deepest} or {number}
-    return found
+        handles |= {i for i in descendants if depth[i] == deepest} or {number}
+    return handles
 
 
 def _nearest(path: IndexPath, owners: Mapping[IndexPath, int]) -> int | None:

@@ -56,9 +56,14 @@ def read(path: Path, face_numbers: tuple[str, ...] = ()) -> ScanMesh:
         InputError: the file is truncated or no PLY, holds no triangles or also other polygons, coordinates are not
             finite or span more than 1 km, a face names a vertex that does not exist, or faces lack a property.
     """
-    vertex, face = _elements(path)
-    vertices = coordinates(vertex)
-    faces = _triangles(path, face)
+    elements = ply_file.read(path).elements
+    vertex, face = elements.get("vertex"), elements.get("face")
+    if vertex is None or face is None or not vertex.count or not face.count or not set("xyz") <= set(vertex.columns):
+        raise InputError(f"{path}: holds no triangles; take the scan's mesh (mesh_aligned_0.05.ply), not a point cloud")
+    lists = corner_lists(face)
+    if lists is None or (lists.counts != 3).any():
+        raise InputError(f"{path}: has faces that are no triangles, which annotations count; take the annotated mesh")
+    vertices, faces = coordinates(vertex), lists.values.astype(np.int64).reshape(-1, 3)
     _check_numbers(path, vertices, faces)
     far = np.abs(vertices).max() > _FLOAT32_RANGE
     origin = vertices.min(axis=0) if far else np.zeros(3)
@@ -76,8 +81,8 @@ def coordinates(vertex: Element) -> np.ndarray:
 def corner_lists(face: Element) -> Lists | None:
     """Return the vertices of faces; None where no property lists them."""
     names = ["vertex_indices", "vertex_index", *face.lists]
-    found = next((face.lists[name] for name in names if name in face.lists), None)
-    return found if found is not None and found.values.dtype.kind in "iu" else None
+    lists = next((face.lists[name] for name in names if name in face.lists), None)
+    return lists if lists is not None and lists.values.dtype.kind in "iu" else None
 
 
 def color_levels(path: Path, element: Element) -> np.ndarray | None:
@@ -109,29 +114,12 @@ def color_levels(path: Path, element: Element) -> np.ndarray | None:
     )
 
 
-def _elements(path: Path) -> tuple[Element, Element]:
-    """Return a file's vertices and faces."""
-    elements = ply_file.read(path).elements
-    vertex, face = elements.get("vertex"), elements.get("face")
-    if vertex is None or face is None or not vertex.count or not face.count or not set("xyz") <= set(vertex.columns):
-        raise InputError(f"{path}: holds no triangles; take the scan's mesh (mesh_aligned_0.05.ply), not a point cloud")
-    return vertex, face
-
-
-def _triangles(path: Path, face: Element) -> np.ndarray:
-    """Return the faces [face 3] if they are all triangles."""
-    lists = corner_lists(face)
-    if lists is None or (lists.counts != 3).any():
-        raise InputError(f"{path}: has faces that are no triangles, which annotations count; take the annotated mesh")
-    return lists.values.astype(np.int64).reshape(-1, 3)
-
-
 def _face_numbers(path: Path, face: Element, name: str) -> np.ndarray:
     """Return a property of the faces as whole numbers, shape [face], int64."""
     columns = {key.lower(): column for key, column in face.columns.items()}
     if name.lower() not in columns:
-        found = ", ".join([*face.lists, *columns])
-        raise InputError(f"{path}: faces have no {name}; properties found: {found}; take the annotated mesh")
+        present = ", ".join([*face.lists, *columns])
+        raise InputError(f"{path}: faces have no {name}; properties found: {present}; take the annotated mesh")
     values = columns[name.lower()]
     if values.dtype.kind not in "iu":
         raise InputError(

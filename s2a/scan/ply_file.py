@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from s2a.core.errors import InputError
 from s2a.scene.scene import Mesh
 
-TYPES = {
-    "char": "i1",
-    "uchar": "u1",
-    "short": "i2",
-    "ushort": "u2",
-    "int": "i4",
-    "uint": "u4",
-    "float": "f4",
-    "double": "f8",
-}
+TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"}
+TYPES |= {"float": "f4", "double": "f8"}
 TYPES |= {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"}
 TYPES |= {"float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8"}
 ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -94,10 +86,8 @@ def read(path: Path) -> PlyFile:
     try:
         return _parsed(data)
     except (ValueError, KeyError, IndexError, OverflowError, MemoryError, struct.error) as error:
-        reason = " ".join(f"{error}".split())[:120]
-        raise InputError(
-            f"{path}: truncated, damaged or not a PLY mesh ({reason}); copy or download it again"
-        ) from error
+        reason = f"truncated, damaged or not a PLY mesh ({' '.join(str(error).split())[:120]})"
+        raise InputError(f"{path}: {reason}; copy or download it again") from error
 
 
 def _parsed(data: bytes) -> PlyFile:
@@ -133,7 +123,6 @@ def _elements(body: bytes, layout: list[tuple[str, Layout]], order: str, text: b
 
 
 def _doubles(words: list[bytes]) -> bytes:
-    """Return the numbers of a text as doubles."""
     return np.array(words).astype("S64").astype(np.float64).tobytes() if words else b""
 
 
@@ -155,11 +144,11 @@ def _by_lines(data: bytes, layout: list[tuple[str, Layout]]) -> tuple[list[bytes
             ends.append(at)
         tail = len(properties) - places[-1] - 1 if places else 0
         if all(len(line) == end + tail for line, end in zip(mine, ends, strict=True)):
-            ends, kept = [len(line) for line in mine], properties
+            ends, stated = [len(line) for line in mine], properties
         else:
-            kept = properties[: places[-1] + 1] if places else properties
+            stated = properties[: places[-1] + 1] if places else properties
         words += [word for line, end in zip(mine, ends, strict=True) for word in line[:end]]
-        narrow.append((name, (count, kept)))
+        narrow.append((name, (count, stated)))
     return words, narrow
 
 
@@ -254,18 +243,16 @@ _CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8"
 
 
 def _dtype(properties: list[_Property], counts: list[int], order: str) -> np.dtype:
-    """Return the type of a row whose lists have so many entries."""
-    cells = [
-        [(f"count{i}", order + prop.count_kind), (f"value{i}", order + prop.kind, (length,))]
-        if prop.count_kind
-        else [(f"value{i}", order + prop.kind)]
-        for i, (prop, length) in enumerate(zip(properties, counts, strict=True))
-    ]
-    return np.dtype(list(itertools.chain.from_iterable(cells)))
+    cells: list[tuple[Any, ...]] = []
+    for i, (prop, length) in enumerate(zip(properties, counts, strict=True)):
+        if prop.count_kind:
+            cells += [(f"count{i}", order + prop.count_kind), (f"value{i}", order + prop.kind, (length,))]
+        else:
+            cells.append((f"value{i}", order + prop.kind))
+    return np.dtype(cells)
 
 
 def _element(count: int, properties: list[_Property], groups: list[tuple[np.ndarray, np.ndarray]]) -> Element:
-    """Return the columns of rows, in the types that the header states."""
     columns, lists = {}, {}
     for i, prop in enumerate(properties):
         if not prop.count_kind:

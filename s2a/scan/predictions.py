@@ -43,13 +43,13 @@ class _Restricted(pickle.Unpickler):
 
     def find_class(self, module: str, name: str) -> Any:
         """Return what stands for an allowed constructor."""
-        found = _STAND_INS.get((module.replace("numpy.core", "numpy._core"), name))
-        if found is None:
+        stand_in = _STAND_INS.get((module.replace("numpy.core", "numpy._core"), name))
+        if stand_in is None:
             raise InputError(
                 f"the pickle asks for {reprlib.repr(module + '.' + name)}, which may run code; "
                 "save numpy arrays in dictionaries (tensor.cpu().numpy()), or JSON"
             )
-        return found
+        return stand_in
 
 
 class _Dtype:
@@ -78,19 +78,11 @@ class _Array:
         self.value = _from_buffer(data, dtype, shape, "F" if fortran else "C").value
 
 
-def _reconstruct(*_: Any) -> _Array:
-    return _Array()
-
-
 def _from_buffer(data: bytes, dtype: _Dtype, shape: tuple[int, ...], order: str) -> _Array:
-    found = _Array()
+    array = _Array()
     flat = np.frombuffer(data, dtype.plain) if data else np.zeros(0, dtype.plain)
-    found.value = flat.reshape(shape, order="F" if order == "F" else "C").copy()
-    return found
-
-
-def _scalar(dtype: _Dtype, data: bytes) -> Any:
-    return np.frombuffer(data, dtype.plain)[0]
+    array.value = flat.reshape(shape, order="F" if order == "F" else "C").copy()
+    return array
 
 
 def _latin(text: str, encoding: str) -> bytes:
@@ -112,8 +104,8 @@ def _resolved(value: Any) -> Any:
 
 
 _STAND_INS = {
-    ("numpy._core.multiarray", "_reconstruct"): _reconstruct,
-    ("numpy._core.multiarray", "scalar"): _scalar,
+    ("numpy._core.multiarray", "_reconstruct"): lambda *_: _Array(),
+    ("numpy._core.multiarray", "scalar"): lambda dtype, data: np.frombuffer(data, dtype.plain)[0],
     ("numpy._core.numeric", "_frombuffer"): _from_buffer,
     ("numpy", "ndarray"): _Array,
     ("numpy", "dtype"): _Dtype,
@@ -168,14 +160,14 @@ def read(path: Path, surface: ScanMesh, scene: str) -> list[Prediction]:
         InputError: the file is damaged, belongs to another mesh, or would run code.
     """
     if path.suffix.lower() == ".json":
-        found = _from_json(path, surface)
+        predictions = [_record(record, surface) for record in fields.load(path).records("predictions", "prediction")]
     elif path.suffix.lower() in (".pkl", ".pickle"):
-        found = _from_usdnet(path, surface, scene)
+        predictions = _from_usdnet(path, surface, scene)
     else:
         raise InputError(
             f"predictions {str(path)!r}: the ending {path.suffix!r} is unknown; possible: .json, .pkl, .pickle"
         )
-    return [prediction for prediction in found if len(prediction.faces)]
+    return [prediction for prediction in predictions if len(prediction.faces)]
 
 
 def faces_of_vertices(inside: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -183,13 +175,7 @@ def faces_of_vertices(inside: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.flatnonzero(inside[faces].sum(axis=1) >= 2)
 
 
-def _from_json(path: Path, surface: ScanMesh) -> list[Prediction]:
-    """Read s2a's schema."""
-    return [_record(record, surface) for record in fields.load(path).records("predictions", "prediction")]
-
-
 def _record(record: Record, surface: ScanMesh) -> Prediction:
-    """Return one record of the JSON schema."""
     kind = record.text("type")
     if kind not in KINDS:
         record.refuse("type", f"possible: {', '.join(KINDS)}")
@@ -200,17 +186,11 @@ def _record(record: Record, surface: ScanMesh) -> Prediction:
     score = record.number("score") if record.has("score") else 1.0
     label = record.text("label") if record.has("label") else USUAL_LABEL[kind]
     handle = _mask(record.record("handle"), surface) if record.has("handle") else np.empty(0, dtype=np.int64)
-    axis, origin = _axis(record), record.vector("origin")
-    assumed = not record.has("rangeMax")
-    return Prediction(label, kind, axis, origin, (low, high), score, _mask(record, surface), handle, assumed)
-
-
-def _axis(record: Record) -> np.ndarray:
-    """Return the axis, not 0."""
-    axis = record.vector("axis")
+    axis, origin = record.vector("axis"), record.vector("origin")
     if not np.linalg.norm(axis) > 1e-6:
         record.refuse("axis", "expected a direction of length 1")
-    return axis
+    assumed = not record.has("rangeMax")
+    return Prediction(label, kind, axis, origin, (low, high), score, _mask(record, surface), handle, assumed)
 
 
 def _mask(record: Record, surface: ScanMesh) -> np.ndarray:
@@ -227,9 +207,9 @@ def _from_usdnet(path: Path, surface: ScanMesh, scene: str) -> list[Prediction]:
     content = read_pickle(path)
     if isinstance(content, Mapping) and "pred_masks" not in content:
         if scene not in content and len(content) != 1:
-            known = ", ".join(map(str, list(content)[:6])) or "none"
+            scenes = ", ".join(map(str, list(content)[:6])) or "none"
             raise InputError(
-                f"{path}: holds no scene {scene!r} (scenes found: {known}); name the scan's folder like its scene"
+                f"{path}: holds no scene {scene!r} (scenes found: {scenes}); name the scan's folder like its scene"
             )
         content = content[scene] if scene in content else next(iter(content.values()))
     if not isinstance(content, Mapping):
@@ -240,20 +220,13 @@ def _from_usdnet(path: Path, surface: ScanMesh, scene: str) -> list[Prediction]:
     axes, origins = (_array(path, content, key, (count, 3)) for key in ("pred_axises", "pred_origins"))
     if unknown := set(classes.astype(int).tolist()) - set(_USDNET):
         raise InputError(f"{path}: pred_classes holds {min(unknown)}; possible: 1 (rotation), 2 (translation)")
-    return [
-        _usdnet(masks[:, i] > _INSIDE, _USDNET[int(classes[i])], axes[i], origins[i], float(scores[i]), surface)
-        for i in range(count)
-        if np.linalg.norm(axes[i]) > 1e-6
-    ]
-
-
-def _usdnet(
-    inside: np.ndarray, kind: str, axis: np.ndarray, origin: np.ndarray, score: float, surface: ScanMesh
-) -> Prediction:
-    """Return one part of USDNet's, which predicts no range."""
-    faces = faces_of_vertices(inside, surface.faces)
-    limits = (0.0, USUAL_RANGE[kind])
-    return Prediction(USUAL_LABEL[kind], kind, axis, origin, limits, score, faces, np.empty(0, dtype=np.int64), True)
+    predictions = []
+    for i in np.flatnonzero(np.linalg.norm(axes, axis=1) > 1e-6):
+        kind, faces = _USDNET[int(classes[i])], faces_of_vertices(masks[:, i] > _INSIDE, surface.faces)
+        limits, handle = (0.0, USUAL_RANGE[kind]), np.empty(0, dtype=np.int64)  # USDNet predicts neither
+        score = float(scores[i])
+        predictions.append(Prediction(USUAL_LABEL[kind], kind, axes[i], origins[i], limits, score, faces, handle, True))
+    return predictions
 
 
 def _array(path: Path, content: Mapping[str, Any], key: str, shape: tuple[int | None, ...]) -> np.ndarray:
@@ -275,65 +248,53 @@ def _array(path: Path, content: Mapping[str, Any], key: str, shape: tuple[int | 
     return array
 
 
-def choose(found: Sequence[Prediction], min_score: float, overlap: float) -> list[Prediction]:
+def choose(predictions: Sequence[Prediction], min_score: float, overlap: float) -> list[Prediction]:
     """Return the predictions with a score, best first, without those that mostly repeat a better one.
 
     Networks predict the same part several times; USDNet's authors leave that to the evaluation.
 
     Args:
-        found: all predictions.
+        predictions: all predictions.
         min_score: lowest score.
         overlap: fraction of the smaller mask's faces that a better prediction may hold.
     """
-    kept: list[Prediction] = []
-    for prediction in sorted(found, key=lambda one: -one.score):
-        if prediction.score >= min_score and all(_overlap(prediction, other) <= overlap for other in kept):
-            kept.append(prediction)
-    return kept
+    best: list[Prediction] = []
+    for prediction in sorted(predictions, key=lambda one: -one.score):
+        if prediction.score >= min_score and all(_overlap(prediction, other) <= overlap for other in best):
+            best.append(prediction)
+    return best
 
 
-def write(folder: Path, scene: str, kept: Sequence[Prediction], fixed: Sequence[tuple[str, np.ndarray]] = ()) -> None:
+def write(
+    folder: Path, scene: str, predictions: Sequence[Prediction], fixed: Sequence[tuple[str, np.ndarray]] = ()
+) -> None:
     """Write `<scene>_parts.json` and `<scene>_artic.json`; a part gets its handle as a child.
 
     Args:
         folder: of the scan.
         scene: name of the scan.
-        kept: predictions, in the coordinates of the scan's file.
+        predictions: predictions, in the coordinates of the scan's file.
         fixed: names and faces of what does not move.
     """
     parts: list[dict[str, Any]] = []
     joints: list[dict[str, Any]] = []
-    for index, one in enumerate(kept, start=1):
+    for index, one in enumerate(predictions, start=1):
         number = len(parts) + 1
         name = one.label.split(".")[0].strip() or "part"
         parts.append(_part(number, f"{name}.{index}", np.setdiff1d(one.faces, one.handle)))
-        joints.append(_joint(number, one))
+        joint = {"pid": number, "type": one.kind, "axis": one.axis.tolist(), "origin": one.origin.tolist()}
+        joints.append(joint | {"rangeMin": one.limits[0], "rangeMax": one.limits[1], "score": one.score})
         if len(one.handle):
             parts.append(_part(number + 1, f"handle.{index}.1", one.handle))
-    for index, (name, faces) in enumerate(fixed, start=len(kept) + 1):
+    for index, (name, faces) in enumerate(fixed, start=len(predictions) + 1):
         parts.append(_part(len(parts) + 1, f"{name}.{index}", faces))
-    _write(folder / f"{scene}_parts.json", {"annotations": parts})
-    _write(folder / f"{scene}_artic.json", {"articulations": joints})
+    for ending, data in (("parts", {"annotations": parts}), ("artic", {"articulations": joints})):
+        text = json.dumps({"data": data}, separators=(",", ":"))
+        (folder / f"{scene}_{ending}.json").write_text(text, encoding="utf-8")
 
 
 def _part(number: int, label: str, faces: np.ndarray) -> dict[str, Any]:
     return {"partId": number, "label": label, "triIndices": faces.tolist()}
-
-
-def _joint(number: int, one: Prediction) -> dict[str, Any]:
-    return {
-        "pid": number,
-        "type": one.kind,
-        "axis": one.axis.tolist(),
-        "origin": one.origin.tolist(),
-        "rangeMin": one.limits[0],
-        "rangeMax": one.limits[1],
-        "score": one.score,
-    }
-
-
-def _write(path: Path, data: dict[str, Any]) -> None:
-    path.write_text(json.dumps({"data": data}, separators=(",", ":")), encoding="utf-8")
 
 
 def _overlap(one: Prediction, other: Prediction) -> float:

@@ -18,9 +18,7 @@ KEYFRAMES = "keyframes"
 MIN_FRAMES = 2
 """Frames below which nothing is fused."""
 
-_OPENGL = np.diag(
-    [1.0, -1.0, -1.0, 1.0]
-)  # a camera that looks along -z with y up, to one that looks along z with y down
+_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # a camera that looks along -z, y up, to one that looks along z, y down
 _LAYOUTS = (
     "frame-000000.depth.png, .color.png or .jpg, .pose.txt and camera-intrinsics.txt (7-Scenes, BundleFusion); "
     "folders depth, color, pose and intrinsic (ScanNet); transforms.json with depth_file_path (nerfstudio)"
@@ -191,7 +189,6 @@ def sharpness(color: np.ndarray | None) -> float:
 
 
 def _image(path: Path) -> np.ndarray:
-    """Return the pixels of an image file."""
     from PIL import Image  # of the extra sim
 
     try:
@@ -202,7 +199,6 @@ def _image(path: Path) -> np.ndarray:
 
 
 def _reader(folder: Path) -> Callable[[Path], RgbdRecording] | None:
-    """Return the reader of a folder's layout."""
     if next(folder.glob("frame-*.depth.png"), None):
         return _seven_scenes
     if (folder / "depth").is_dir() and (folder / "pose").is_dir():
@@ -266,9 +262,8 @@ def _recording(
     color_camera: Intrinsics,
     metres: float,
 ) -> RgbdRecording:
-    """Return the recording of the frames that have a pose."""
-    found = zip(depths, colors, poses, strict=True)
-    frames = tuple(PosedFrame(depth, color, pose) for depth, color, pose in found if pose is not None)
+    rows = zip(depths, colors, poses, strict=True)
+    frames = tuple(PosedFrame(depth, color, pose) for depth, color, pose in rows if pose is not None)
     return RgbdRecording(kind, frames, depth_camera, color_camera, metres, len(poses) - len(frames))
 
 

@@ -1,10 +1,12 @@
-"""Parts of a scan's mesh: one mesh a part, ScanNet++'s instances, and the flat, fixed parts that no hierarchy covers."""
+"""Parts of a scan's mesh: one mesh a part, annotated ones by their hierarchy, and flat, fixed ones for the rest."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from s2a.core.errors import InputError
 from s2a.scan import fields, labels
 from s2a.scan.fields import Record
 from s2a.scan.ply import ScanMesh
-from s2a.scene.scene import Mesh, Part
+from s2a.scene.scene import Mesh, Part, Scene
 
 
 def cut(surface: ScanMesh, owner: np.ndarray, count: int) -> list[Mesh]:
@@ -85,7 +87,12 @@ def unclaimed(groups: list[Group], faces: np.ndarray, claimed: np.ndarray) -> li
     """Return the groups with at most half their vertices on claimed faces (mask, shape [face]), in their order."""
     taken = np.zeros(int(faces.max()) + 1, dtype=bool)
     taken[faces[claimed]] = True
-    return [group for group in groups if _share(group, taken) <= _MOSTLY]
+    # Vertices of no face lie beyond the mask, and count as free.
+    return [
+        each
+        for each in groups
+        if taken[each.vertices[each.vertices < len(taken)]].sum() <= _MOSTLY * len(each.vertices)
+    ]
 
 
 def face_groups(groups: list[Group], faces: np.ndarray, vertex_count: int) -> np.ndarray:
@@ -116,12 +123,6 @@ def _group(record: Record, segments: np.ndarray, each_its_own: bool) -> Group:
     return Group(label, np.flatnonzero(np.isin(segments, wanted)))
 
 
-def _share(group: Group, taken: np.ndarray) -> float:
-    """Return the share of a group's vertices that are taken; vertices of no face count as free."""
-    inside = group.vertices[group.vertices < len(taken)]
-    return float(taken[inside].sum() / len(group.vertices))
-
-
 _log = logging.getLogger(__name__)
 
 UNANNOTATED = "unannotated"  # label of the part that takes the faces nobody annotated
@@ -144,40 +145,102 @@ def claim(surface: ScanMesh, owner: np.ndarray, count: int, files: tuple[Path, P
     Returns:
         The labels of the further parts, in the order of their positions.
     """
-    found: list[str] = []
+    names: list[str] = []
     free = owner == -1
     if files is not None:
         groups = read_segments(*files, len(surface.vertices))
         groups = unclaimed(groups, surface.faces, owner >= 0)
         group = face_groups(groups, surface.faces[free], len(surface.vertices))
-        place = _places([each.label for each in groups], count, found)
+        place = _places([each.label for each in groups], count, names)
         owner[free] = np.append(place, -1)[group]
-        warn_of_removed(files[1], int((owner == REMOVED).sum()))
+        _warn_of_removed(files[1], owner)
     if (owner == -1).any():
-        owner[owner == -1] = count + len(found)
-        found.append(UNANNOTATED)
-    return found
+        owner[owner == -1] = count + len(names)
+        names.append(UNANNOTATED)
+    return names
 
 
-def warn_of_removed(path: Path, faces: int) -> None:
-    """Log how many faces annotators marked to be removed, if there are any."""
-    if faces:
+def staying(
+    path: Path,
+    names: Mapping[int, str],
+    parent_of: Mapping[int, int | None],
+    moving: Container[int],
+    owner: np.ndarray,
+) -> tuple[np.ndarray, dict[int, int | None]]:
+    """Return annotated parts without artefacts of the scan, which are counted in a warning, and without what was not annotated.
+
+    Args:
+        path: of the annotation.
+        names: label of each part by its number.
+        parent_of: number of each part's parent.
+        moving: numbers of the parts with a joint; others that annotators call SPLIT could not be annotated.
+        owner: position of the part of each face among `names`, -1 for none, shape [face].
+
+    Returns:
+        The same of each face among the parts that stay, REMOVED for artefacts; and the parents of those parts.
+    """
+    removed = labels.artefacts(names, parent_of)
+    split = {number for number, name in names.items() if number not in moving and labels.is_split(name)}
+    left = labels.without(parent_of, removed | split)
+    order = np.cumsum([number in left for number in names]) - 1
+    place = [REMOVED if number in removed else -1 if number in split else order[i] for i, number in enumerate(names)]
+    owner = np.array([*place, -1])[owner]
+    _warn_of_removed(path, owner)
+    return owner, left
+
+
+def scene(
+    name: str,
+    surface: ScanMesh,
+    owner: np.ndarray,
+    names: Mapping[int, str],
+    parent_of: Mapping[int, int | None],
+    facts: Mapping[int, Mapping[str, Any]],
+    files: tuple[Path, Path] | None,
+) -> Scene:
+    """Return a scan as a scene: annotated parts, each followed by what belongs to it; then flat, fixed ones for the rest.
+
+    Args:
+        name: of the scan.
+        surface: all of it.
+        owner: position of the part of each face among `parent_of`, -1 for none, or REMOVED, shape [face].
+        names: label of each part by its number, also of those that are left out; further parts are numbered after them.
+        parent_of: number of each part's parent.
+        facts: further attributes of each `Part`.
+        files: as in `claim`.
+    """
+    further = claim(surface, owner, len(parent_of), files)
+    meshes = cut(surface, owner, len(parent_of) + len(further))
+    mesh_of = dict(zip(parent_of, meshes, strict=False))
+    name_of = {number: labels.split(names[number])[0] for number in parent_of}
+    id_of = {number: labels.part_id(name_of[number], number) for number in parent_of}
+    parts = {
+        id_of[number]: Part(
+            label=name_of[number],
+            mesh=mesh_of[number],
+            parent=None if (parent := parent_of[number]) is None else id_of[parent],
+            **facts[number],
+        )
+        for number in labels.parents_first(parent_of)
+    }
+    first = max(names, default=0) + 1
+    for number, (label, mesh) in enumerate(zip(further, meshes[len(parent_of) :], strict=True), start=first):
+        parts[labels.part_id(label, number)] = Part(label, mesh)
+    return Scene(name, parts, tuple(surface.origin.tolist()))
+
+
+def _warn_of_removed(path: Path, owner: np.ndarray) -> None:
+    if faces := int((owner == REMOVED).sum()):
         _log.warning("%s: %d faces that annotators named 'remove' are left out: artefacts of the scan", path, faces)
 
 
-def parts(names: list[str], first_number: int, meshes: list[Mesh]) -> dict[str, Part]:
-    """Return flat, fixed parts by id, numbered from first_number on."""
-    numbered = enumerate(zip(names, meshes, strict=True), start=first_number)
-    return {labels.part_id(name, number): Part(name, mesh) for number, (name, mesh) in numbered}
-
-
-def _places(names: list[str], count: int, found: list[str]) -> np.ndarray:
-    """Return the part of each group, REMOVED, or -1 for "unannotated", shape [group]; append labels of parts to `found`."""
+def _places(names: list[str], count: int, parts: list[str]) -> np.ndarray:
+    """Return the part of each group, REMOVED, or -1 for "unannotated", shape [group]; append labels of parts to `parts`."""
     place = np.full(len(names), -1, dtype=np.int64)
     for position, name in enumerate(names):
         if labels.is_removed(name):
             place[position] = REMOVED
         elif not labels.is_split(name):
-            place[position] = count + len(found)
-            found.append(name)
+            place[position] = count + len(parts)
+            parts.append(name)
     return place

@@ -137,32 +137,6 @@ def directions(surface: Surfels) -> np.ndarray:
     return np.array(axes).reshape(-1, 3)
 
 
-def components(cells: np.ndarray) -> np.ndarray:
-    """Return a label for each of some cells that do not repeat, shape [cell 3]; cells that touch share theirs."""
-    shifted = cells - cells.min(axis=0) + 1
-    size = shifted.max(axis=0) + 2
-    keys = _flat(shifted, size)
-    order = np.argsort(keys)
-    ordered = keys[order]
-    steps = [(x * size[1] + y) * size[2] + z for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
-    pairs = []
-    for step in (step for step in steps if step > 0):
-        place = np.searchsorted(ordered, keys + step).clip(0, len(keys) - 1)
-        touching = np.flatnonzero(ordered[place] == keys + step)
-        pairs.append(np.stack([touching, order[place[touching]]]))
-    first, second = np.concatenate(pairs, axis=1)
-    labels = np.arange(len(keys))
-    while True:
-        lower = np.minimum(labels[first], labels[second])
-        joined = labels.copy()
-        np.minimum.at(joined, labels[first], lower)
-        np.minimum.at(joined, labels[second], lower)
-        joined = joined[joined[labels]]
-        if (joined == labels).all():
-            return np.unique(labels, return_inverse=True)[1].reshape(-1)
-        labels = joined
-
-
 def cos(degrees: float) -> float:
     """Return the cosine of an angle [deg]."""
     return float(np.cos(np.radians(degrees)))
@@ -187,9 +161,4 @@ def _cells(points: np.ndarray, normals: np.ndarray, edge: float) -> np.ndarray:
     axis = np.argmax(np.abs(normals), axis=1)
     side = 2 * axis + (normals[np.arange(len(normals)), axis] > 0)
     cells = np.floor((points - points.min(axis=0)) / edge).astype(np.int64)
-    return _flat(cells, cells.max(axis=0) + 1) * 6 + side
-
-
-def _flat(cells: np.ndarray, size: np.ndarray) -> np.ndarray:
-    flat: np.ndarray = (cells[:, 0] * size[1] + cells[:, 1]) * size[2] + cells[:, 2]
-    return flat
+    return np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1)) * 6 + side

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
-from s2a.scan.surfels import Sampled, Surfels, components, cos
+from s2a.scan.surfels import Sampled, Surfels, cos
 
 WEIGHTS = {
     "height": 2.4,  # it is as large as rooms are high
@@ -46,19 +47,11 @@ _RIM = 0.06  # fraction of an extent at either end in which floor, ceiling and w
 _DEPTHS = (0.06, 0.12)  # fractions of an extent at either end that are cut off to part objects
 _PLANE = 0.02  # fraction of the surface in one plane that makes it a wall, a floor or a large front
 _COMPONENT = 8e-4  # fraction of the surface from which on a component is an object
-_BENCHES = {
-    "plinths": (0.10, 0.34),
-    "tables": (0.67, 0.80),
-    "chests": (0.98, 1.40),
-    "shelves": (1.40, 2.00),
-}  # heights of furniture [m]
+_BENCHES = {"plinths": (0.10, 0.34), "tables": (0.67, 0.80), "chests": (0.98, 1.40), "shelves": (1.40, 2.00)}
+"""Heights of furniture [m]."""
 _FLOOR, _UPRIGHT = 0.15, 0.05  # fraction of the footprint that the floor, and of the surface that walls at least are
 _FLOOR_POINTS = 200  # samples in a floor, from which on its plane is fitted
-_CLOSED = (
-    0.62,
-    0.72,
-    0.80,
-)  # mean coverage of the six sides of a part of a room, of most rooms without ceiling, of whole ones
+_CLOSED = (0.62, 0.72, 0.80)  # mean coverage of six sides: of a part of a room, most rooms without ceiling, whole ones
 _NARROW = 1.8  # m; what is narrower is no whole room
 
 
@@ -115,23 +108,24 @@ def candidates(mesh: Sampled, metres: float | None = None) -> list[Candidate]:
     planes = shell | _planes(surface, axes)
     clutter = {depth: _clutter(surface, planes | _near_sides(surface, axes, depth)) for depth in _DEPTHS}
     turned = _turned(surface, axes, planes)
-    scale = metres or _likely_unit(max(np.subtract(*surface.extent(axis)[::-1]) for axis in axes))
-    found = [
+    longest = max(np.subtract(*surface.extent(axis)[::-1]) for axis in axes)
+    scale = metres or next((unit for unit in (1.0, 0.01, 0.001) if longest * unit < 30.0), 0.001)
+    directions = [
         Candidate(up, _evidence(surface, up, shell, clutter, scale) | {"turned": turned[i]})
         for i, axis in enumerate(axes)
         for up in (axis, -axis)
     ]
-    return sorted(found, key=lambda candidate: -candidate.score)
+    return sorted(directions, key=lambda candidate: -candidate.score)
 
 
-def required(found: list[Candidate], best: Candidate) -> float:
+def required(candidates: list[Candidate], best: Candidate) -> float:
     """Return the confidence from which on the likeliest candidate is believed.
 
     Closed rooms are told apart well. Half a room or a strip along one wall may look like a whole room lying on its side.
     """
     if best.evidence["extent"] < _NARROW:
         return SURE_OF_STRIP
-    sides = sorted(found, key=lambda candidate: -candidate.evidence["floor"])[:6]
+    sides = sorted(candidates, key=lambda candidate: -candidate.evidence["floor"])[:6]
     if min(side.evidence["extent"] for side in sides) < _NARROW:
         return SURE
     closed = float(np.mean([side.evidence["floor"] for side in sides]))
@@ -220,8 +214,10 @@ def _clutter(surface: Surfels, planes: np.ndarray) -> Clutter:
     if not len(index):
         return Clutter(index, index, np.zeros(0))
     cells = np.floor(surface.points[index] / (2 * surface.cell)).astype(np.int64)
-    used, cell = np.unique(cells, axis=0, return_inverse=True)
-    label = components(used)[cell.reshape(-1)]
+    cells -= cells.min(axis=0)
+    grid = np.zeros(cells.max(axis=0) + 1, bool)
+    grid[tuple(cells.T)] = True
+    label = ndimage.label(grid, np.ones((3, 3, 3)))[0][tuple(cells.T)] - 1
     part = np.bincount(label, surface.weights[index])
     return Clutter(index, label, np.sqrt(part) * (part > _COMPONENT))
 
@@ -231,14 +227,12 @@ def _turned(surface: Surfels, axes: np.ndarray, planes: np.ndarray) -> np.ndarra
     angle = np.degrees(np.arccos(np.clip(np.abs(surface.normals @ axes.T), 0, 1)))
     askew = (angle > _SIDE).all(axis=1) & ~planes & surface.smooth
     about = np.array([surface.weights[askew & (angle[:, i] > 82)].sum() for i in range(len(axes))])
-    turned: np.ndarray = about / (about.sum() + 1e-3)
-    return turned
+    return np.asarray(about / (about.sum() + 1e-3))
 
 
 def _evidence(
     surface: Surfels, up: np.ndarray, shell: np.ndarray, clutter: dict[float, Clutter], metres: float
 ) -> dict[str, float]:
-    """Return what speaks for a direction, by name."""
     weights, cell = surface.weights, surface.cell
     height, facing = surface.points @ up, surface.normals @ up
     low, high = surface.extent(up)
@@ -252,10 +246,8 @@ def _evidence(
     covered = _coverage(surface, column, height - low, floor, high - low, top)
     between = (level > 0.07) & (level < 0.93) & ~shell
     upwards, downwards = (weights[side & between].sum() for side in (top, under))
-    upwards_low, downwards_high = (
-        weights[top & between & (level < 0.5)].sum(),
-        weights[under & between & (level > 0.5)].sum(),
-    )
+    upwards_low = weights[top & between & (level < 0.5)].sum()
+    downwards_high = weights[under & between & (level > 0.5)].sum()
     outer, flat = (level < 0.1) | (level > 0.9), np.abs(facing) > cos(_WALLS)
     inwards, outwards = (
         weights[outer & flat & (((facing > 0) == (level < 0.5)) == side)].sum() for side in (True, False)
@@ -270,7 +262,7 @@ def _evidence(
         **_bench_heights((height - low - floor)[top & between] * metres, weights[top & between]),
         **_standing(surface, up, clutter[_DEPTHS[0]], low, high, _DEPTHS[0], ""),
         **_standing(surface, up, clutter[_DEPTHS[1]], low, high, _DEPTHS[1], "_deep"),
-        **_gaps(surface, column, columns, level, facing, shell),
+        **_gaps(column, columns, level, facing, shell),
         "extent": (high - low) * metres,
     }
 
@@ -331,23 +323,12 @@ def _standing(
 
 
 def _gaps(
-    surface: Surfels,
-    column: np.ndarray,
-    columns: tuple[int, int],
-    level: np.ndarray,
-    facing: np.ndarray,
-    shell: np.ndarray,
+    column: np.ndarray, columns: tuple[int, int], level: np.ndarray, facing: np.ndarray, shell: np.ndarray
 ) -> dict[str, float]:
     """Return how much nearer objects away from the walls are to the floor than to the ceiling, and how many begin near it."""
     walls = np.zeros(columns, bool)
     walls.reshape(-1)[column[shell & (np.abs(facing) < 0.5)]] = True
-    for _ in range(2):
-        wider = walls.copy()
-        wider[1:] |= walls[:-1]
-        wider[:-1] |= walls[1:]
-        wider[:, 1:] |= walls[:, :-1]
-        wider[:, :-1] |= walls[:, 1:]
-        walls = wider
+    walls = ndimage.binary_dilation(walls, iterations=2)
     free = ~shell & (level > 0.05) & (level < 0.95) & ~walls.reshape(-1)[column]
     if free.sum() < 30:
         return {"gap": 0.0, "low": 0.3}
@@ -356,15 +337,7 @@ def _gaps(
     np.maximum.at(highest, column[free], level[free])
     used = np.isfinite(lowest)
     lowest, highest = lowest[used], highest[used]
-    return {
-        "gap": float(np.mean(1 - highest - lowest)),
-        "low": float(np.mean(lowest < 0.14)),
-    }
-
-
-def _likely_unit(longest: float) -> float:
-    """Return metres a unit that make the longest extent a room's."""
-    return next((unit for unit in (1.0, 0.01, 0.001) if longest * unit < 30.0), 0.001)
+    return {"gap": float(np.mean(1 - highest - lowest)), "low": float(np.mean(lowest < 0.14))}
 
 
 def _height_odds(extent: float) -> float:

@@ -76,10 +76,10 @@ def read_links(path: Path) -> UrdfObject:
     joints = [_joint(path, element) for element in robot.findall("joint")]
     if not any(joint.kind in KINDS for joint in joints):
         raise InputError(f"{path}: no joint moves; give a URDF with a {', '.join(KINDS)} joint")
-    links = {_name(path, link): link for link in robot.findall("link")}
-    poses = _poses(path, [_name(path, link) for link in robot.findall("link")], joints)
-    found = {name: _triangles(path, link, poses[name]) for name, link in links.items()}
-    triangles = {name: each for name, each in found.items() if trimesh.triangles.area(each).sum() > 0.0}
+    named = [(_name(path, link), link) for link in robot.findall("link")]
+    poses = _poses(path, [name for name, _ in named], joints)
+    surfaces = {name: _triangles(path, link, poses[name]) for name, link in dict(named).items()}
+    triangles = {name: each for name, each in surfaces.items() if trimesh.triangles.area(each).sum() > 0.0}
     if not triangles:
         raise InputError(f"{path}: no link has a surface; give a URDF with <visual> meshes or boxes")
     return UrdfObject(joints, poses, triangles)
@@ -90,9 +90,8 @@ def _root(path: Path) -> ElementTree.Element:
     if not path.is_file():
         raise InputError(f"predictions {str(path)!r} is not a file; give predictions=FILE.urdf")
     if (size := path.stat().st_size) > MAX_BYTES:
-        raise InputError(
-            f"{path}: {size / 1e6:.0f} MB are no URDF of one object; give one below {MAX_BYTES / 1e6:.0f} MB"
-        )
+        limit = f"give one below {MAX_BYTES / 1e6:.0f} MB"
+        raise InputError(f"{path}: {size / 1e6:.0f} MB are no URDF of one object; {limit}")
     text = path.read_bytes()
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text or b"\0" in text:
         raise InputError(f"{path}: declares a document type or entities, or is not UTF-8; remove them")
@@ -111,7 +110,7 @@ def _joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
     name, kind = _name(path, element), element.get("type", "")
     if kind not in (*KINDS, FIXED):
         raise InputError(f"{path}: joint {name!r} is of type {kind!r}; possible: {', '.join((*KINDS, FIXED))}")
-    ends = [found.get("link", "") if (found := element.find(tag)) is not None else "" for tag in ("parent", "child")]
+    ends = ["" if (end := element.find(tag)) is None else end.get("link", "") for tag in ("parent", "child")]
     axis = element.find("axis")
     along = _numbers(path, axis.get("xyz", "1 0 0") if axis is not None else "1 0 0", 3)
     if np.linalg.norm(along) < 1e-6:
@@ -127,13 +126,13 @@ def _joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
 
 def _poses(path: Path, links: list[str], joints: list[UrdfJoint]) -> dict[str, np.ndarray]:
     """Return the poses [4 4] of all links in the frame of the only root, at the zero pose."""
-    known, children = set(links), [joint.child for joint in joints]
-    if unknown := [end for joint in joints for end in (joint.parent, joint.child) if end not in known]:
+    names, children = set(links), [joint.child for joint in joints]
+    if unknown := [end for joint in joints for end in (joint.parent, joint.child) if end not in names]:
         raise InputError(
             f"{path}: a joint names the link {unknown[0]!r}, which does not exist; links: {', '.join(links[:8])}"
         )
     roots = [link for link in links if link not in children]
-    if len(set(children)) < len(children) or len(known) < len(links) or len(roots) != 1:
+    if len(set(children)) < len(children) or len(names) < len(links) or len(roots) != 1:
         raise InputError(f"{path}: its links are no tree ({len(roots)} roots); each link but one needs one parent")
     poses = {roots[0]: np.eye(4)}
     left = joints
@@ -150,13 +149,13 @@ def _poses(path: Path, links: list[str], joints: list[UrdfJoint]) -> dict[str, n
 
 def _triangles(path: Path, link: ElementTree.Element, pose: np.ndarray) -> np.ndarray:
     """Return the visible triangles of a link in the root's frame, or those that collide if none is seen, shape [face 3 3]."""
-    found = [np.zeros((0, 3, 3))]
+    triangles = [np.zeros((0, 3, 3))]
     for element in link.findall("visual") or link.findall("collision"):
         at = pose @ _pose(path, element)
         for shape in element.findall("geometry/*"):
             corners = _shape(path, shape)
-            found.append(corners @ at[:3, :3].T + at[:3, 3])
-    return np.concatenate(found)
+            triangles.append(corners @ at[:3, :3].T + at[:3, 3])
+    return np.concatenate(triangles)
 
 
 def _shape(path: Path, shape: ElementTree.Element) -> np.ndarray:
@@ -188,11 +187,11 @@ def _mesh_file(path: Path, name: str) -> Path:
 
 def _pose(path: Path, element: ElementTree.Element) -> np.ndarray:
     """Return the pose [4 4] of an element's <origin>: position [m]; roll, pitch, yaw [rad] about fixed axes."""
-    found = element.find("origin")
+    origin = element.find("origin")
     pose = np.eye(4)
-    if found is not None:
-        pose[:3, 3] = _numbers(path, found.get("xyz", "0 0 0"), 3)
-        pose[:3, :3] = Rotation.from_euler("xyz", _numbers(path, found.get("rpy", "0 0 0"), 3)).as_matrix()
+    if origin is not None:
+        pose[:3, 3] = _numbers(path, origin.get("xyz", "0 0 0"), 3)
+        pose[:3, :3] = Rotation.from_euler("xyz", _numbers(path, origin.get("rpy", "0 0 0"), 3)).as_matrix()
     return pose
 
 
@@ -278,23 +277,23 @@ def read(path: Path, surface: ScanMesh, box: ObjectBox) -> list[Prediction]:
     Raises:
         InputError: as of `read_links`, or an object without volume.
     """
-    found, triangles, linear, offset = _placed(path, box)
+    urdf, triangles, linear, offset = _placed(path, box)
     near = _nearest(triangles, surface, box)
-    movers = {name: _mover(name, found.joints) for name in found.poses}
-    moving = [joint for joint in found.joints if joint.kind in KINDS]
-    return [p for joint in moving for p in _predicted(joint, found.poses, linear, offset, near, movers)]
+    movers = {name: _mover(name, urdf.joints) for name in urdf.poses}
+    moving = [joint for joint in urdf.joints if joint.kind in KINDS]
+    return [p for joint in moving for p in _predicted(joint, urdf.poses, linear, offset, near, movers)]
 
 
 def _placed(path: Path, box: ObjectBox) -> tuple[UrdfObject, dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """Return the links of a URDF, their triangles [face 3 3] in its box, and how they came there: linear map and offset."""
-    found = read_links(path)
-    points = np.concatenate([each.reshape(-1, 3) for each in found.triangles.values()])
+    urdf = read_links(path)
+    points = np.concatenate([each.reshape(-1, 3) for each in urdf.triangles.values()])
     low, high = points.min(axis=0), points.max(axis=0)
     if (high - low).min() < 1e-6:
         raise InputError(f"{path}: its surfaces lie in a plane; give a URDF of a solid object")
     linear = box.axes * (box.size / (high - low))
     offset = box.center - linear @ ((low + high) / 2)
-    return found, {name: each @ linear.T + offset for name, each in found.triangles.items()}, linear, offset
+    return urdf, {name: each @ linear.T + offset for name, each in urdf.triangles.items()}, linear, offset
 
 
 def _inside(points: np.ndarray, box: ObjectBox) -> np.ndarray:

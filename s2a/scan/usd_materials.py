@@ -70,37 +70,38 @@ class UsdMaterials:
     def of(self, prim: Usd.Prim) -> tuple[bool, Appearance | None]:
         """Return whether a prim (a mesh, a subset of faces) has a material, and its appearance; None where it cannot be read."""
         binding = UsdShade.MaterialBindingAPI(prim)
-        bound = next((found for use in ("full", "preview") if (found := binding.ComputeBoundMaterial(use)[0])), None)
+        bound = next(
+            (material for use in ("full", "preview") if (material := binding.ComputeBoundMaterial(use)[0])), None
+        )
         if bound is None:
             return False, None
         key = str(bound.GetPath())
         if key not in self._known:
             self._known[key] = self._appearance(bound)
             if self._known[key] is None:
-                _log.warning(
-                    "%s: the material %s has no base colour that is read; its faces show their own colours, or grey",
-                    self._path,
-                    key,
-                )
+                text = "%s: the material %s has no base colour that is read; its faces show their own colours, or grey"
+                _log.warning(text, self._path, key)
         return True, self._known[key]
 
     def _appearance(self, material: UsdShade.Material) -> Appearance | None:
         for context in CONTEXTS:
             shader = material.ComputeSurfaceSource(context)[0]
             if shader and (appearance := self._surface(shader)) is not None:
-                self._warn_of_transparency(shader)
+                opacity = self._constant(shader, "opacity")
+                if opacity is not None and float(opacity) < 1:
+                    text = "%s: the material of %s is transparent, and becomes opaque"
+                    _log.warning(text, self._path, shader.GetPath())
                 return appearance
         return None
 
-    def _warn_of_transparency(self, shader: UsdShade.Shader) -> None:
-        slot = shader.GetInput("opacity")
-        value: Any = slot.Get(self._time) if slot and not slot.HasConnectedSource() else None
-        if value is not None and float(value) < 1:
-            _log.warning("%s: the material of %s is transparent, and becomes opaque", self._path, shader.GetPath())
+    def _constant(self, shader: UsdShade.Shader, name: str) -> Any:
+        """Return the value of an input that is not connected; None without one."""
+        slot = shader.GetInput(name)
+        return slot.Get(self._time) if slot and not slot.HasConnectedSource() else None
 
     def _surface(self, shader: UsdShade.Shader) -> Appearance | None:
         """Return the appearance of a surface shader: its image, or else its colour, times its factors."""
-        appearance = next((found for name in TEXTURES if (found := self._image_input(shader, name))), None)
+        appearance = next((look for name in TEXTURES if (look := self._image_input(shader, name))), None)
         if appearance is not None:
             appearance = self._moved_by_mdl(shader, appearance)
         for name in COLORS if appearance is None else ():
@@ -116,8 +117,7 @@ class UsdMaterials:
             appearance = (self._color(glow) if glow else None) or appearance
         factor = np.ones(3)
         for name in FACTORS:
-            slot = shader.GetInput(name)
-            value = slot.Get(self._time) if slot and not slot.HasConnectedSource() else None
+            value = self._constant(shader, name)
             factor = factor * (1.0 if value is None else np.array(value, dtype=np.float64).ravel()[:3])
         if appearance.material is PLAIN or (factor == 1).all():
             return appearance
@@ -143,7 +143,6 @@ class UsdMaterials:
         return None
 
     def _texture(self, source: UsdShade.Shader) -> Appearance:
-        """Return the appearance of a UsdUVTexture."""
         appearance = self._image(
             source.GetInput("file"), source.GetInput("st"), str(self._value(source, "sourceColorSpace") or "auto")
         )
@@ -158,7 +157,6 @@ class UsdMaterials:
         return replace(appearance, material=Material(color, image, (wrap[0], wrap[1])))
 
     def _image_input(self, shader: UsdShade.Shader, name: str) -> Appearance | None:
-        """Return the appearance of an MDL shader's image, if it names one."""
         value: Any = self._value(shader, name)
         return self._image(shader.GetInput(name), None) if value is not None and value.path else None
 
@@ -213,7 +211,6 @@ class UsdMaterials:
         return appearance
 
     def _moved_by_mdl(self, shader: UsdShade.Shader, appearance: Appearance) -> Appearance:
-        """Return a appearance with OmniPBR's own transform of coordinates."""
         scale, turn, offset = (self._value(shader, f"texture_{name}") for name in ("scale", "rotate", "translate"))
         return replace(
             appearance,

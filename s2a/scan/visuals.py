@@ -177,17 +177,13 @@ def _prim_facts(prim: Usd.Prim) -> Iterator[str]:
     yield from _physics_facts(prim)
     if prim.GetAttribute("xformOp:translate"):
         yield f"at {_numbers(UsdGeom.Xformable(prim).GetLocalTransformation().ExtractTranslation())}"
-    joint = _joint(prim)
+    described = prim.GetTypeName() not in KINDS  # as the descriptive flavour has joints
+    joint = descriptive.described_joint(prim) if described else read_joint(prim)
     if joint is not None:
         yield motion_text(joint)
     for attribute in prim.GetAuthoredPropertiesInNamespace("s2a"):
         if joint is None or attribute.GetBaseName() not in ("motion", "movable", "axis", "origin", "limits"):
             yield f"{attribute.GetBaseName()} {_value(attribute.Get())}"
-
-
-def _joint(prim: Usd.Prim) -> Joint | None:
-    """Return the joint that a prim is or, in the descriptive flavour, that it describes."""
-    return read_joint(prim) if prim.GetTypeName() in KINDS else descriptive.described_joint(prim)
 
 
 def _physics_facts(prim: Usd.Prim) -> Iterator[str]:

@@ -8,19 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from box_room import FRONT, bar, joined, room, sheet
+from scipy.spatial.transform import Rotation
 
 from s2a import api
 from s2a.commands import cli
 from s2a.joints.register import Proposal, Registration, register
 from s2a.joints.register_fit import changed_joint, square, twists, unknowns
-from s2a.joints.register_surface import OrientedMesh, align, turned
+from s2a.joints.register_surface import OrientedMesh, align
 from s2a.scan.ply_file import write_ply
 from s2a.scene.articulation import displace, transform
 from s2a.scene.scene import Joint, Mesh
 
 OPEN = {"drawer_6": 0.25, "door_8": 1.0}
 FRAME = np.eye(4)
-FRAME[:3, :3], FRAME[:3, 3] = turned(np.array((0.002, -0.003, 0.04))), (0.08, -0.05, 0.02)
+FRAME[:3, :3], FRAME[:3, 3] = Rotation.from_rotvec((0.002, -0.003, 0.04)).as_matrix(), (0.08, -0.05, 0.02)
 """Motion from the first scan's frame to the second's: a few degrees, a few centimetres."""
 
 

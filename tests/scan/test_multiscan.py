@@ -14,9 +14,10 @@ import tiny_scan
 from tiny_scan import COLORS, assert_refused, corners, triangles
 
 from s2a import scan
+from s2a.scan import rest
 from s2a.scan.formats import multiscan
-from s2a.scan.formats import multiscan as multiscan_objects
-from s2a.scene.scene import Joint, Mesh, Scene
+from s2a.scan.ply import ScanMesh
+from s2a.scene.scene import Joint
 from s2a.scene.usd import geometric
 
 REAL_DATA = os.environ.get("S2A_REAL_DATA")
@@ -155,10 +156,13 @@ def test_the_scene_survives_the_geometric_stage(tmp_path):
 
 def annotated(path):
     """Return the annotation in a folder as a scene without surfaces: what is to be had of real data without meshes."""
-    files = multiscan._find(path)
-    items = multiscan_objects.read_objects(files.annotations).items
-    empty = Mesh(np.empty((0, 3)), np.empty((0, 3)))
-    return Scene(files.name, multiscan._parts(items, dict.fromkeys(items, empty), np.zeros(3), set()))
+    (file,) = path.glob("*.annotations.json")
+    items = multiscan.read_objects(file).items
+    names = {number: item.label for number, item in items.items()}
+    parent_of = {number: item.parent for number, item in items.items()}
+    nothing = ScanMesh(path, np.empty((0, 3)), np.empty((0, 3), int), None, np.zeros(3))
+    facts = multiscan.facts(items, items, nothing.origin)
+    return rest.scene(path.name, nothing, np.empty(0, int), names, parent_of, facts, None)
 
 
 def test_an_annotation_without_its_mesh_is_refused(tmp_path):

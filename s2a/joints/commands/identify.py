@@ -83,17 +83,19 @@ def run(config: Config) -> str:
     room = sim_stage.read(config.stage, visuals=False)
     part = room.part(config.part)
     body = moving(room, part, config.soft_close_reach)
-    found = _identified(config, body, part)
+    result = _identified(config, body, part)
     with atomic_write(config.out) as out:
-        write_layer(config.stage, config.out, out, part, found, body)
+        write_layer(config.stage, config.out, out, part, result, body)
     if config.record:
         with atomic_write(config.record) as out:
-            out.write_text(json.dumps(_record(config, part, found), indent=1))
+            out.write_text(json.dumps(_record(config, part, result), indent=1))
     lines = [
-        f"  {name:10}{value:9.3g} +- {dev:.2g} {UNITS[name]}" if told else f"  {name:10}    undetermined by these pulls"
-        for name, value, dev, told in _rows(found)
+        f"  {name:10}{value:9.3g} +- {dev:.2g} {UNITS[name]}"
+        if determined
+        else f"  {name:10}    undetermined by these pulls"
+        for name, value, dev, determined in _rows(result)
     ]
-    lines.append(f"  misfit {found.misfit:.2f}; 1 where the recordings are as noisy as given, and explained")
+    lines.append(f"  misfit {result.misfit:.2f}; 1 where the recordings are as noisy as given, and explained")
     return "\n".join([f"{config.out}: joint of {part}, at its grasp point", *lines])
 
 
@@ -103,8 +105,8 @@ def _identified(config: Config, body: Moving, part: str) -> Dynamics:
     by_robot = [bool({*spec.joints} & {*header(path)}) for path in config.pulls]
     if not any(by_robot):
         pulls = [each for path in config.pulls for each in read(path, config.episodes)]
-        (found,) = identify([body], [pulls], Noise(**asdict(config.noise)), device_of(config.device))
-        return found
+        (fitted,) = identify([body], [pulls], Noise(**asdict(config.noise)), device_of(config.device))
+        return fitted
     if not all(by_robot):
         raise InputError(
             f"{config.pulls[by_robot.index(False)]} is no recording of {spec.name}'s joints, others are; give those of one kind"
@@ -116,9 +118,9 @@ def _identified(config: Config, body: Moving, part: str) -> Dynamics:
     return fit(body, pulls, config.noise.force)
 
 
-def write_layer(stage: Path, out: Path, file: Path, part: str, found: Dynamics, body: Moving) -> None:
+def write_layer(stage: Path, out: Path, file: Path, part: str, result: Dynamics, body: Moving) -> None:
     """Write what was found as a layer over a stage: to `file`, which will stand at `out`. What is undetermined stays."""
-    value, lever = {name: x for name, x, _, told in _rows(found) if told}, abs(body.lever)
+    value, lever = {name: x for name, x, _, determined in _rows(result) if determined}, abs(body.lever)
     below = os.path.relpath(stage.absolute(), out.absolute().parent)
 
     def at_joint(name: str, power: int) -> float | None:
@@ -135,15 +137,17 @@ def write_layer(stage: Path, out: Path, file: Path, part: str, found: Dynamics, 
     dynamics.write(below, part, mass, at_joint("friction", 1), resistance, file)
 
 
-def _rows(found: Dynamics) -> list[tuple[str, float, float, bool]]:
-    columns = (found.values.tolist(), found.deviations.tolist(), found.determined.tolist())
+def _rows(result: Dynamics) -> list[tuple[str, float, float, bool]]:
+    columns = (result.values.tolist(), result.deviations.tolist(), result.determined.tolist())
     return list(zip(PARAMETERS, *columns, strict=True))
 
 
-def _record(config: Config, part: str, found: Dynamics) -> dict[str, object]:
+def _record(config: Config, part: str, result: Dynamics) -> dict[str, object]:
     rows = {
-        name: {"value": value, "deviation": dev, "unit": UNITS[name]} if told else {"value": None, "unit": UNITS[name]}
-        for name, value, dev, told in _rows(found)
+        name: {"value": value, "deviation": dev, "unit": UNITS[name]}
+        if determined
+        else {"value": None, "unit": UNITS[name]}
+        for name, value, dev, determined in _rows(result)
     }
     about = {"stage": config.stage.name, "part": part, "pulls": [path.name for path in config.pulls]}
-    return {**about, "dynamics": rows, "misfit": found.misfit, **provenance(device_of(config.device))}
+    return {**about, "dynamics": rows, "misfit": result.misfit, **provenance(device_of(config.device))}

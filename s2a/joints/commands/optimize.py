@@ -64,23 +64,22 @@ def run(config: Config) -> str:
     sim = Simulation(stage, config.sim, 1)
     tool_path = partial(tasks.task(config.task.name).tool_path, config=config.task)
     target = pulled(sim, *planned_path(sim, config.planner, tool_path), config.offset)
-    (found,), rounds = optimize([target], config.pull)
+    (optimum,), rounds = optimize([target], config.pull)
     with atomic_write(config.out) as out:
-        trajectory.write(found.law, out)
-    return f"{config.out}: pull of {stage.target} in {rounds} evaluations\n{_summary(found, config)}"
+        trajectory.write(optimum.law, out)
+    return f"{config.out}: pull of {stage.target} in {rounds} evaluations\n{_summary(optimum, config)}"
 
 
 KNOTS = 6
 """Four coefficients are bound by rest at both ends."""
 
 
-def _summary(found: Optimum, config: Config) -> str:
-    """Return what the model predicts, in lines."""
-    end = min(round(found.law.seconds * config.pull.rate), len(found.opening) - 1)
-    missed = 1e3 * (found.opening[end] + config.offset - found.law.goal)
+def _summary(optimum: Optimum, config: Config) -> str:
+    end = min(round(optimum.law.seconds * config.pull.rate), len(optimum.opening) - 1)
+    missed = 1e3 * (optimum.opening[end] + config.offset - optimum.law.goal)
     return "\n".join(
         [
-            f"  {found.law.goal:.3f} m in {found.law.seconds:.2f} s, with {found.force.max():.1f} N at most",
-            f"  predicted to end {missed:+.1f} mm from the goal, at {1e3 * found.speed[end]:.1f} mm/s",
+            f"  {optimum.law.goal:.3f} m in {optimum.law.seconds:.2f} s, with {optimum.force.max():.1f} N at most",
+            f"  predicted to end {missed:+.1f} mm from the goal, at {1e3 * optimum.speed[end]:.1f} mm/s",
         ]
     )

@@ -38,10 +38,10 @@ def run(config: Config) -> str:
     closed, opened = (files.read(path) for path in (config.closed, config.open))
     if config.out:
         refuse_loss(config.out, files.REPORT, [closed.path, opened.path])
-    found = register(files.surface(closed), files.surface(opened))
-    if not found.one_room:
+    registration = register(files.surface(closed), files.surface(opened))
+    if not registration.one_room:
         raise InputError(
-            f"{config.open}: {found.alignment.overlap:.0%} of its surface lies on {config.closed}, "
+            f"{config.open}: {registration.alignment.overlap:.0%} of its surface lies on {config.closed}, "
             f"at least {MIN_OVERLAP:.0%} do in one room; give two scans of one room, the same side up"
         )
     if config.out:
@@ -49,9 +49,9 @@ def run(config: Config) -> str:
             out.mkdir()
             name = config.closed.resolve().name
             facts = {"closed": str(config.closed), "open": str(config.open), **provenance("cpu")}
-            files.write(found, closed, name, out, **facts)
-    lines = [_line(files.label(i, proposal), proposal) for i, proposal in enumerate(found.proposals)]
-    head = f"{len(lines)} parts stand open in {config.open} (the scans overlap by {found.alignment.overlap:.0%})"
+            files.write(registration, closed, name, out, **facts)
+    lines = [_line(files.label(i, proposal), proposal) for i, proposal in enumerate(registration.proposals)]
+    head = f"{len(lines)} parts stand open in {config.open} (the scans overlap by {registration.alignment.overlap:.0%})"
     return "\n".join([head, *lines, *([f"  {config.out}"] if config.out else [])])
 
 

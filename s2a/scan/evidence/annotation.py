@@ -9,10 +9,8 @@ import numpy as np
 
 from s2a.core.check import Check, Status, at_most
 from s2a.scan.evidence import Bounds, contact
-from s2a.scan.evidence import joint as hinge
-from s2a.scan.evidence import joint as slide
+from s2a.scan.evidence import joint as motion
 from s2a.scan.evidence.front import Front, front, panel
-from s2a.scan.evidence.joint import kind, opens_outward
 from s2a.scan.evidence.surface import ScanSurface, Sweep, sphere, sweep
 from s2a.scan.formats.articulate3d import Overlap
 from s2a.scene.geometry.mesh_ops import centroids, normals, sample_with_faces
@@ -31,8 +29,8 @@ REMEDY = "possible: z up; turn mesh and joints together (x, y, z) -> (x, -z, y) 
 
 def room_checks(surface: ScanSurface, fronts: Mapping[str, Front | None], bounds: Bounds) -> list[Check]:
     """Return what the surface says about the whole room; `fronts` are those of its moving parts by id."""
-    known = {part: front for part, front in fronts.items() if front is not None}
-    return [*up_axis(surface, bounds), units(surface, known, bounds)]
+    planes = {part: front for part, front in fronts.items() if front is not None}
+    return [*up_axis(surface, bounds), units(surface, planes, bounds)]
 
 
 def up_axis(surface: ScanSurface, bounds: Bounds) -> list[Check]:
@@ -127,15 +125,19 @@ def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Che
         fronts: fronts of its moving parts by id.
         bounds: `heights`, `surfaces` and `handles`.
     """
-    height, handles = _height(surface), _handle_sizes(surface, fronts)
+    scene, heights = surface.scene, surface.mesh.vertices[:, 2]
+    height = float(np.subtract(*np.quantile(heights, [0.995, 0.005]))) if len(heights) else 0.0
+    handles = [(contact.region(scene, part), one) for part, one in fronts.items() if contact.has_handle(scene, part)]
+    thickness = [np.sort(contact.size(mesh, one))[1] for mesh, one in handles]
+    thick = float(np.median(thickness)) if handles else float("nan")
     sizes = [
         (height, bounds.heights, f"the room is {height:.3g} m high"),
         (raised := _raised(surface), bounds.surfaces, f"objects stand {raised:.3g} m over its floor"),
-        (thick := _median(handles), bounds.handles, f"its handles are {1000 * thick:.3g} mm thick"),
+        (thick, bounds.handles, f"its handles are {1000 * thick:.3g} mm thick"),
     ]
-    known = [(low <= size <= high, text) for size, (low, high), text in sizes if not np.isnan(size)]
-    odd = sum(not fits for fits, _ in known)
-    message = ", ".join(text for _, text in known)
+    measured = [(low <= size <= high, text) for size, (low, high), text in sizes if not np.isnan(size)]
+    odd = sum(not fits for fits, _ in measured)
+    message = ", ".join(text for _, text in measured)
     if not odd:
         return Check(UNITS, "pass", height, bounds.heights[1], "m", message=message)
     remedy = (
@@ -143,14 +145,8 @@ def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Che
         f"{1000 * bounds.handles[0]:g} to {1000 * bounds.handles[1]:g} mm; scale mesh and joints to metres (feet x 0.3048, "
         "inches x 0.0254, cm x 0.01)"
     )
-    status: Status = "fail" if odd >= min(2, len(known)) else "warn"
+    status: Status = "fail" if odd >= min(2, len(measured)) else "warn"
     return Check(UNITS, status, height, bounds.heights[1], "m", message=message, remedy=remedy)
-
-
-def _height(surface: ScanSurface) -> float:
-    """Return the height of a room [m], without stray points."""
-    points = surface.mesh.vertices
-    return float(np.subtract(*np.quantile(points[:, 2], [0.995, 0.005]))) if len(points) else 0.0
 
 
 def _raised(surface: ScanSurface) -> float:
@@ -162,17 +158,6 @@ def _raised(surface: ScanSurface) -> float:
     height = points[surface.winding * facing[:, 2] > LEVEL, 2] - low
     height = height[(height > BORDER) & (height < high - low - BORDER)]
     return float(np.median(height)) if len(height) > 0.01 * len(points) else float("nan")
-
-
-def _handle_sizes(surface: ScanSurface, fronts: dict[str, Front]) -> list[float]:
-    """Return the thickness of each handle across its length in its front's plane [m]."""
-    scene = surface.scene
-    held = {part: front for part, front in fronts.items() if contact.has_handle(scene, part)}
-    return [float(np.sort(contact.size(contact.region(scene, part), front))[1]) for part, front in held.items()]
-
-
-def _median(values: list[float]) -> float:
-    return float(np.median(values)) if values else float("nan")
 
 
 def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> list[Check]:
@@ -190,8 +175,8 @@ def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> lis
     fronts = {part: front(surface, part) for part in scene.movable}
     checks = [*room_checks(surface, fronts, bounds), *contact.floating(surface, bounds)]
     checks += contact.shared_faces(overlaps, bounds)
-    for part, found in fronts.items():
-        checks += moving_part(surface, part, found, bounds)
+    for part, own in fronts.items():
+        checks += moving_part(surface, part, own, bounds)
     return checks
 
 
@@ -212,20 +197,20 @@ def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bo
         return
     points = panel(scene, part).vertices.astype(float)
     handle = contact.has_handle(scene, part)
-    yield opens_outward(part, joint, front, bounds)
-    yield kind(part, scene.parts[part].label, joint, front, bounds)
+    yield motion.opens_outward(part, joint, front, bounds)
+    yield motion.kind(part, scene.parts[part].label, joint, front, bounds)
     if joint.kind == "prismatic":
-        yield slide.slide_axis(part, joint, front, bounds)
-        yield slide.slide_level(part, scene.parts[part].label, joint, bounds)
-        yield slide.slide_travel(part, joint, front, surface, bounds)
+        yield motion.slide_axis(part, joint, front, bounds)
+        yield motion.slide_level(part, scene.parts[part].label, joint, bounds)
+        yield motion.slide_travel(part, joint, front, surface, bounds)
         if handle:
-            yield slide.slide_handle(part, joint, front, scene.grasp_point(part), bounds)
+            yield motion.slide_handle(part, joint, front, scene.grasp_point(part), bounds)
     else:
-        yield hinge.hinge_edge(part, joint, front, points, bounds)
-        yield hinge.hinge_parallel(part, joint, front, bounds)
-        yield hinge.hinge_range(part, joint, bounds)
+        yield motion.hinge_edge(part, joint, front, points, bounds)
+        yield motion.hinge_parallel(part, joint, front, bounds)
+        yield motion.hinge_range(part, joint, bounds)
         if handle:
-            yield hinge.hinge_handle(part, joint, front, points, scene.grasp_point(part), bounds)
+            yield motion.hinge_handle(part, joint, front, points, scene.grasp_point(part), bounds)
     if handle:
         yield contact.handle_on_part(part, scene, bounds)
         yield contact.handle_relief(part, scene, front, bounds)
@@ -234,15 +219,15 @@ def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bo
     yield path(part, sweep(surface, part, bounds.blocked), joint.kind, bounds)
 
 
-def path(part: str, found: Sweep, kind: str, bounds: Bounds) -> Check:
+def path(part: str, swept: Sweep, kind: str, bounds: Bounds) -> Check:
     """Judge the swept path of a part against the untrimmed rest of the scan."""
     unit = "m" if kind == "prismatic" else "rad"
-    names = " and ".join(name for name, _ in found.obstacles[:2])
-    message = f"{found.blocked:.0%} of it runs into {names or 'nothing'}; free up to {found.free:.2f} of {found.full:.2f} {unit}"
+    names = " and ".join(name for name, _ in swept.obstacles[:2])
+    message = f"{swept.blocked:.0%} of it runs into {names or 'nothing'}; free up to {swept.free:.2f} of {swept.full:.2f} {unit}"
     remedy = f"possible: up to {bounds.blocked:.0%}; correct the joint, or is something in its way?"
     return at_most(
         "swept_path",
-        found.blocked,
+        swept.blocked,
         bounds.blocked,
         "of the surface",
         part=part,

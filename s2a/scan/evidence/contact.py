@@ -22,25 +22,25 @@ def floating(surface: ScanSurface, bounds: Bounds) -> list[Check]:
     """Judge every part that shares no vertex with another by its distance from the rest of the scan; only failures are kept."""
     scene = surface.scene
     alone = [part for part in isolated(surface) if len(scene.parts[part].mesh.faces)]
-    found = []
+    checks = []
     for part in alone:
         gap = gap_to_rest(surface, part)
         if gap > bounds.contact:
             message = f"it floats: the nearest other surface is {1000 * gap:.0f} mm off"
             remedy = f"possible: up to {1000 * bounds.contact:.0f} mm; annotate what carries it, or scan that"
-            found.append(Check("floats", "warn", gap, bounds.contact, "m", part=part, message=message, remedy=remedy))
-    return found
+            checks.append(Check("floats", "warn", gap, bounds.contact, "m", part=part, message=message, remedy=remedy))
+    return checks
 
 
 def shared_faces(overlaps: Sequence[Overlap], bounds: Bounds) -> list[Check]:
     """Judge the faces that two unrelated parts list; one of both is wrong, and the deeper part gets them."""
-    found = []
+    checks = []
     for overlap in overlaps:
         if overlap.fraction > bounds.overlap:
             first, second = overlap.parts
             message = f"{overlap.faces} of its faces, {overlap.fraction:.0%}, are listed by {second} too"
             remedy = f"possible: up to {bounds.overlap:.0%}; remove them from the part to which they do not belong"
-            found.append(
+            checks.append(
                 Check(
                     "shared_faces",
                     "warn",
@@ -52,7 +52,7 @@ def shared_faces(overlaps: Sequence[Overlap], bounds: Bounds) -> list[Check]:
                     remedy=remedy,
                 )
             )
-    return found
+    return checks
 
 
 def isolated(surface: ScanSurface) -> list[str]:

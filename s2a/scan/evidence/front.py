@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.geometry.mesh_ops import centroids, keep, merge, sample
@@ -63,8 +64,8 @@ class Front:
     @property
     def votes(self) -> dict[str, float]:
         """The evidence for the outward side that tells anything: its name, positive where it agrees."""
-        found = {"seen": (self.seen, SIDED), "facing": (self.facing, SIDED), "relief": (self.relief, RELIEF)}
-        return {name: value for name, (value, least) in found.items() if abs(value) >= least}
+        evidence = {"seen": (self.seen, SIDED), "facing": (self.facing, SIDED), "relief": (self.relief, RELIEF)}
+        return {name: value for name, (value, least) in evidence.items() if abs(value) >= least}
 
 
 def panel(scene: Scene, part: str) -> Mesh:
@@ -132,11 +133,4 @@ def _rectangle(mesh: Mesh, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     axes = basis @ min_area_rectangle(flat)
     along = mesh.vertices.astype(np.float64) @ axes
     low, high = along.min(axis=0), along.max(axis=0)
-    return axes, low, high, _outline_area(flat) / max(float(np.prod(high - low)), 1e-12)
-
-
-def _outline_area(flat: np.ndarray) -> float:
-    """Return the area of the convex outline of points [point 2] [m^2]."""
-    from scipy.spatial import ConvexHull
-
-    return float(ConvexHull(flat).volume)
+    return axes, low, high, float(ConvexHull(flat).volume) / max(float(np.prod(high - low)), 1e-12)

@@ -20,9 +20,8 @@ from s2a.core.errors import InputError
 from s2a.scan import fields, folder, labels, ply, rest
 from s2a.scan.fields import Record
 from s2a.scan.ply import ScanMesh
-from s2a.scan.rest import cut
 from s2a.scene import scene
-from s2a.scene.scene import MAX_MASS, Joint, Mesh, Part, Scene
+from s2a.scene.scene import MAX_MASS, Joint, Scene
 
 _log = logging.getLogger(__name__)
 
@@ -83,17 +82,16 @@ def joint(record: Record, angle_unit: float, origin: np.ndarray) -> Joint:
 
 
 def _last_records(path: Path, labels: Mapping[int, str]) -> dict[int, Record]:
-    """Return the last record of every moving part."""
-    found: dict[int, Record] = {}
+    records: dict[int, Record] = {}
     for record in fields.load(path).record("data").records("articulations", "articulation"):
         number = record.integer("pid")
         if number not in labels:
             numbers = f"{min(labels)} to {max(labels)}" if labels else "none"
             record.refuse("pid", f"no part has this partId (found: {numbers}); take both files from one release")
-        if number in found:
+        if number in records:
             _log.warning("%s: several articulations of part %d %r; the last one counts", path, number, labels[number])
-        found[number] = Record(record.values, f"{path}, articulation of part {number} {labels[number]!r}")
-    return found
+        records[number] = Record(record.values, f"{path}, articulation of part {number} {labels[number]!r}")
+    return records
 
 
 def _check_bases(path: Path, records: Mapping[int, Record], labels: Mapping[int, str]) -> None:
@@ -160,16 +158,16 @@ def read_parts(path: Path, surface: ScanMesh) -> dict[int, AnnotatedPart]:
     """
     data = fields.load(path).record("data")
     _check_mesh(data, surface)
-    found: dict[int, AnnotatedPart] = {}
+    parts: dict[int, AnnotatedPart] = {}
     for record in data.records("annotations", "annotation"):
         number, label = record.integer("partId"), record.text("label")
         named = Record(record.values, f"{path}, part {number} {label!r}")
-        if number in found:
-            named.refuse("partId", f"part {found[number].label!r} has it already; every part needs a number of its own")
-        found[number] = AnnotatedPart(label, _faces(named, surface), _mass(named))
-        if not len(found[number].faces):
+        if number in parts:
+            named.refuse("partId", f"part {parts[number].label!r} has it already; every part needs a number of its own")
+        parts[number] = AnnotatedPart(label, _faces(named, surface), _mass(named))
+        if not len(parts[number].faces):
             _log.warning("%s has no faces; kept as an empty part", named.where)
-    return found
+    return parts
 
 
 def owners(parts: Mapping[int, AnnotatedPart], depth: Mapping[int, int], face_count: int) -> np.ndarray:
@@ -208,7 +206,6 @@ def _faces(record: Record, surface: ScanMesh) -> np.ndarray:
 
 
 def _mass(record: Record) -> float | None:
-    """Return a part's mass [kg], or None where it is not annotated."""
     if not record.has("mass"):
         return None
     mass = record.number("mass")
@@ -275,16 +272,15 @@ def overlaps(names: Mapping[int, str], listed: Mapping[int, np.ndarray]) -> list
         for (a, b), count in zip(*np.unique(pairs, axis=0, return_counts=True), strict=True):
             counts[int(a), int(b)] = counts.get((int(a), int(b)), 0) + int(count)
     ids = {number: labels.part_id(labels.split(name)[0], number) for number, name in names.items()}
-    found = [
+    unrelated = [
         Overlap((ids[a], ids[b]), count, count / min(len(listed[a]), len(listed[b])))
         for (a, b), count in counts.items()
         if not (_above(a, b, parent_of) or _above(b, a, parent_of))
     ]
-    return sorted(found, key=lambda overlap: -overlap.faces)
+    return sorted(unrelated, key=lambda overlap: -overlap.faces)
 
 
 def _above(upper: int, lower: int, parent_of: Mapping[int, int | None]) -> bool:
-    """Return True if a part is an ancestor of another."""
     parent = parent_of[lower]
     while parent is not None and parent != upper:
         parent = parent_of[parent]
@@ -317,42 +313,11 @@ def read(path: Path) -> Scene:
     names = {number: part.label for number, part in annotated.items()}
     parent_of = labels.parents(names)
     moving = read_joints(files.articulations, names, surface.origin)
-    artefacts = labels.artefacts(names, parent_of)
-    gone = artefacts | {number for number, name in names.items() if number not in moving and labels.is_split(name)}
     owner = owners(annotated, labels.depths(parent_of), len(surface.faces))
-    place = [rest.REMOVED if number in artefacts else -1 if number in gone else 0 for number in annotated]
-    order = np.cumsum([number not in gone for number in annotated]) - 1
-    owner = np.append(np.where(place, place, order), -1)[owner]
-    rest.warn_of_removed(files.parts, int((owner == rest.REMOVED).sum()))
-    annotated = {number: part for number, part in annotated.items() if number not in gone}
-    moving = {number: joint for number, joint in moving.items() if number not in gone}
-    parent_of = labels.without(parent_of, gone)
-    further = rest.claim(surface, owner, len(annotated), files.segments)
-    meshes = cut(surface, owner, len(annotated) + len(further))
-    nested = _nested_parts(annotated, parent_of, moving, meshes[: len(annotated)])
-    flat = rest.parts(further, max(names, default=0) + 1, meshes[len(annotated) :])
-    return Scene(files.name, nested | flat, tuple(surface.origin.tolist()))
-
-
-def _nested_parts(
-    annotated: Mapping[int, AnnotatedPart],
-    parent_of: Mapping[int, int | None],
-    moving: Mapping[int, Joint],
-    meshes: list[Mesh],
-) -> dict[str, Part]:
-    """Return Articulate3D's parts by id, every part followed by what belongs to it."""
-    mesh_of = dict(zip(annotated, meshes, strict=True))
-    name_of = {number: labels.split(part.label)[0] for number, part in annotated.items()}
-    id_of = {number: labels.part_id(name, number) for number, name in name_of.items()}
-    grasped = labels.grasped(set(moving), parent_of)
-    return {
-        id_of[number]: Part(
-            label=name_of[number],
-            mesh=mesh_of[number],
-            parent=None if (parent := parent_of[number]) is None else id_of[parent],
-            motion=moving.get(number, "fixed"),
-            graspable=number in grasped,
-            mass=annotated[number].mass,
-        )
-        for number in labels.parents_first(parent_of)
+    owner, parent_of = rest.staying(files.parts, names, parent_of, moving, owner)
+    grasped = labels.grasped({number for number in moving if number in parent_of}, parent_of)
+    facts = {
+        number: {"motion": moving.get(number, "fixed"), "graspable": number in grasped, "mass": annotated[number].mass}
+        for number in parent_of
     }
+    return rest.scene(files.name, surface, owner, names, parent_of, facts, files.segments)

@@ -31,9 +31,7 @@ def read(path: Path) -> Scene:
     """
     files = folder.find_bare(path)
     surface = ply.read(files.mesh)
-    owner = np.full(len(surface.faces), -1, dtype=np.int32)
-    names = rest.claim(surface, owner, 0, files.segments)
-    if names == [rest.UNANNOTATED]:
+    scene = rest.scene(files.name, surface, np.full(len(surface.faces), -1), {}, {}, {}, files.segments)
+    if [part.label for part in scene.parts.values()] == [rest.UNANNOTATED]:
         _log.warning("%s: nothing is annotated; the whole room is one static part %r", files.mesh, rest.UNANNOTATED)
-    parts = rest.parts(names, 1, rest.cut(surface, owner, len(names)))
-    return Scene(files.name, parts, tuple(surface.origin.tolist()))
+    return scene

@@ -10,10 +10,11 @@ own tools; what they named "split" is "unannotated".
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +23,7 @@ from s2a.scan import fields, labels, ply, rest
 from s2a.scan.fields import Record
 from s2a.scan.formats import articulate3d
 from s2a.scan.ply import ScanMesh
-from s2a.scan.rest import cut
-from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.scene import Scene
 
 _log = logging.getLogger(__name__)
 
@@ -83,44 +83,42 @@ def read_objects(path: Path) -> Annotation:
 
 
 def _released(top: Record) -> Annotation:
-    """Return the annotation of the released schema."""
     objects, parts = _numbered(top, "objects", "object"), _numbered(top, "parts", "part")
-    found = Annotation({}, {}, {})
+    annotation = Annotation({}, {}, {})
     first = max(objects, default=0)
     owner: dict[int, str] = {}
     for number, record in objects.items():
         pieces = _released_pieces(record, parts, owner)
-        _add(found, number, record.text("label"), pieces, {part_id: first + part_id for part_id in pieces})
+        _add(annotation, number, record.text("label"), pieces, {part_id: first + part_id for part_id in pieces})
     orphans = [parts[part_id].text("label") for part_id in parts if part_id not in owner]
     if orphans:
         _log.warning("%s: %d parts of no object are left out: %s", top.where, len(orphans), ", ".join(orphans[:5]))
-    return Annotation(dict(sorted(found.items.items())), found.by_label, found.by_ids)
+    return Annotation(dict(sorted(annotation.items.items())), annotation.by_label, annotation.by_ids)
 
 
 def _older(top: Record) -> Annotation:
-    """Return the annotation of the older schema."""
     records, articulations = top.records("objects", "object"), top.record("articulations")
-    found = Annotation({}, {}, {})
+    annotation = Annotation({}, {}, {})
     following = len(records) + 1
     for number, record in enumerate(records, start=1):
         label = record.text("label")
-        if label in found.by_label:
+        if label in annotation.by_label:
             record.refuse("label", "an object before it has this label; every object needs one of its own")
         moving = {key: articulations.record(key) for key in articulations.values if key.split(":")[0] == label}
         pieces = {
             following + i: _Piece(part, None, moving.get(f"{label}:{part}"))
             for i, part in enumerate(_texts(record, "parts"))
         }
-        _add(found, number, label, pieces, {piece: piece for piece in pieces}, moving.get(label))
+        _add(annotation, number, label, pieces, {piece: piece for piece in pieces}, moving.get(label))
         following += len(pieces)
-    unknown = next((key for key in articulations.values if key not in found.by_label), None)
+    unknown = next((key for key in articulations.values if key not in annotation.by_label), None)
     if unknown is not None:
         articulations.refuse(unknown, f"{unknown!r} is no object or part of the file; take an undamaged one")
-    return Annotation(dict(sorted(found.items.items())), found.by_label, None)
+    return Annotation(dict(sorted(annotation.items.items())), annotation.by_label, None)
 
 
 def _add(
-    found: Annotation,
+    annotation: Annotation,
     number: int,
     label: str,
     pieces: Mapping[int, _Piece],
@@ -132,14 +130,14 @@ def _add(
     if base is not None:
         number_of = number_of | {base: number}
         articulation = articulation or pieces[base].articulation
-    found.items[number] = Annotated(label, None, articulation)
-    ids = {} if found.by_ids is None else found.by_ids
-    found.by_label[label] = ids[number, 0] = number
+    annotation.items[number] = Annotated(label, None, articulation)
+    ids = {} if annotation.by_ids is None else annotation.by_ids
+    annotation.by_label[label] = ids[number, 0] = number
     for key, piece in pieces.items():
-        found.by_label[f"{label}:{piece.label}"] = ids[number, key] = number_of[key]
+        annotation.by_label[f"{label}:{piece.label}"] = ids[number, key] = number_of[key]
         if key != base:
             parent = number if piece.parent is None else number_of[piece.parent]
-            found.items[number_of[key]] = Annotated(piece.label, parent, piece.articulation)
+            annotation.items[number_of[key]] = Annotated(piece.label, parent, piece.articulation)
 
 
 def _base(label: str, pieces: Mapping[int, _Piece]) -> int | None:
@@ -151,20 +149,19 @@ def _base(label: str, pieces: Mapping[int, _Piece]) -> int | None:
 
 def _released_pieces(record: Record, parts: Mapping[int, Record], owner: dict[int, str]) -> dict[int, _Piece]:
     """Return the parts of an object of the released schema by partId, and enter in owner whose they are."""
-    found: dict[int, _Piece] = {}
+    pieces: dict[int, _Piece] = {}
     for part_id in record.integers("partIds").tolist() if record.has("partIds") else []:
         if part_id not in parts:
             record.refuse("partIds", f"{part_id} is no partId of the file; take an undamaged one")
         if part_id in owner:
             record.refuse("partIds", f"part {part_id} belongs to object {owner[part_id]!r} already")
         owner[part_id] = record.text("label")
-        found[part_id] = _released_piece(parts[part_id])
-    _check_parents(found, parts)
-    return found
+        pieces[part_id] = _released_piece(parts[part_id])
+    _check_parents(pieces, parts)
+    return pieces
 
 
 def _released_piece(record: Record) -> _Piece:
-    """Return a part of the released schema."""
     parent = record.integer("parentId") if record.has("parentId") else 0
     articulations = record.records("articulations", "articulation") if record.has("articulations") else []
     if len(articulations) > 1:
@@ -174,16 +171,16 @@ def _released_piece(record: Record) -> _Piece:
 
 def _numbered(top: Record, key: str, noun: str) -> dict[int, Record]:
     """Return the records of a list by their ids, named by id and label in messages."""
-    found: dict[int, Record] = {}
+    records: dict[int, Record] = {}
     for record in top.records(key, noun):
         number, label = record.integer(f"{noun}Id"), record.text("label")
         named = Record(record.values, f"{top.where}, {noun} {number} {label!r}")
         if number == 0:
             named.refuse(f"{noun}Id", "ids count from 1; 0 means none")
-        if number in found:
-            named.refuse(f"{noun}Id", f"{found[number].text('label')!r} has it already; every {noun} needs its own")
-        found[number] = named
-    return found
+        if number in records:
+            named.refuse(f"{noun}Id", f"{records[number].text('label')!r} has it already; every {noun} needs its own")
+        records[number] = named
+    return records
 
 
 def _texts(record: Record, key: str) -> list[str]:
@@ -200,8 +197,8 @@ def _check_parents(pieces: Mapping[int, _Piece], parts: Mapping[int, Record]) ->
     """Raise an InputError if a part belongs to something that is no part of its object."""
     for part_id, piece in pieces.items():
         if piece.parent is not None and piece.parent not in pieces:
-            known = ", ".join(map(str, sorted(pieces)))
-            parts[part_id].refuse("parentId", f"not a part of the same object (its parts: {known})")
+            siblings = ", ".join(map(str, sorted(pieces)))
+            parts[part_id].refuse("parentId", f"not a part of the same object (its parts: {siblings})")
 
 
 def _check_circles(path: Path, items: Mapping[int, Annotated]) -> None:
@@ -251,30 +248,37 @@ def read(path: Path) -> Scene:
     surface = ply.read(files.mesh, () if older else ("objectId", "partId"))
     number = _numbers_by_label(files, annotation, surface) if older else _numbers_by_ids(files, annotation, surface)
     items = annotation.items
-    removed, split = _marked(items)
-    rest.warn_of_removed(files.annotations, int(np.isin(number, list(removed)).sum()))
     owner = np.where(number == 0, -1, np.searchsorted(list(items), number))  # the items' numbers ascend
-    owner[np.isin(number, list(split))] = -1
-    owner[np.isin(number, list(removed))] = rest.REMOVED
-    further = rest.claim(surface, owner, len(items), None)
-    meshes = cut(surface, owner, len(items) + len(further))
-    parts = _parts(items, dict(zip(items, meshes[: len(items)], strict=True)), surface.origin, removed | split)
-    flat = rest.parts(further, max(items, default=0) + 1, meshes[len(items) :])
-    return Scene(files.name, parts | flat, tuple(surface.origin.tolist()))
+    names = {number: item.label for number, item in items.items()}
+    parents = {number: item.parent for number, item in items.items()}
+    moving = {number for number, item in items.items() if item.articulation is not None}
+    owner, parent_of = rest.staying(files.annotations, names, parents, moving, owner)
+    further = facts(items, parent_of, surface.origin)
+    return rest.scene(files.name, surface, owner, names, parent_of, further, None)
+
+
+def facts(items: Mapping[int, Annotated], numbers: Iterable[int], origin: np.ndarray) -> dict[int, dict[str, Any]]:
+    """Return motion and grasp region of some objects and parts, with the origin [m], shape [3], taken off joints."""
+    articulations = {number: items[number].articulation for number in numbers}
+    return {
+        number: {
+            "motion": "fixed" if record is None else articulate3d.joint(record, 1.0, origin),
+            "graspable": record is not None,
+        }
+        for number, record in articulations.items()
+    }
 
 
 def _find(path: Path) -> _Files:
-    """Return the files of the one scan in a folder."""
-    found = sorted(path.glob(f"[!.]*{ANNOTATIONS}"))
-    if len(found) != 1:
-        names = ", ".join(file.name for file in found[:4]) or "none"
+    files = sorted(path.glob(f"[!.]*{ANNOTATIONS}"))
+    if len(files) != 1:
+        names = ", ".join(file.name for file in files[:4]) or "none"
         raise InputError(f"{path}: expected one <scene>{ANNOTATIONS} (found: {names}); give the folder of one scan")
-    name = found[0].name.removesuffix(ANNOTATIONS)
-    return _Files(name, found[0], path / f"{name}.ply", path / f"{name}.semseg.json")
+    name = files[0].name.removesuffix(ANNOTATIONS)
+    return _Files(name, files[0], path / f"{name}.ply", path / f"{name}.semseg.json")
 
 
 def _no_mesh(files: _Files, annotation: Annotation) -> str:
-    """Say that the mesh is missing."""
     items = annotation.items.values()
     objects = sum(item.parent is None for item in items)
     moving = sum(item.articulation is not None for item in items)
@@ -293,8 +297,8 @@ def _numbers_by_label(files: _Files, annotation: Annotation, surface: ScanMesh) 
     for label in lists.values:
         faces = lists.indices(label, len(surface.faces), "faces")
         if label not in annotation.by_label:
-            known = ", ".join(list(annotation.by_label)[:5])
-            raise InputError(f"{lists.where}: {label!r} is not in {files.annotations.name} (which has {known} ...)")
+            examples = ", ".join(list(annotation.by_label)[:5])
+            raise InputError(f"{lists.where}: {label!r} is not in {files.annotations.name} (which has {examples} ...)")
         number[faces] = annotation.by_label[label]
     return number
 
@@ -317,33 +321,3 @@ def _numbers_by_ids(files: _Files, annotation: Annotation, surface: ScanMesh) ->
         raise InputError(f"{where} ({first}); take both files from one scan")
     _log.warning("%s (%s); they are taken as unannotated", where, first)
     return number
-
-
-def _marked(items: Mapping[int, Annotated]) -> tuple[set[int], set[int]]:
-    """Return the numbers of what annotators named "remove", with all that belongs to it, and of "split" ones without a joint."""
-    removed = labels.artefacts(
-        {n: item.label for n, item in items.items()}, {n: item.parent for n, item in items.items()}
-    )
-    split = {n for n, item in items.items() if item.articulation is None and labels.is_split(item.label)}
-    return removed, split - removed
-
-
-def _parts(
-    items: Mapping[int, Annotated], mesh_of: Mapping[int, Mesh], origin: np.ndarray, gone: set[int]
-) -> dict[str, Part]:
-    """Return objects and parts by id, every object followed by what belongs to it; `gone` are left out."""
-    parent_of = labels.without({number: item.parent for number, item in items.items()}, gone)
-    name_of = {number: labels.split(item.label)[0] for number, item in items.items()}
-    id_of = {number: labels.part_id(name, number) for number, name in name_of.items()}
-    found: dict[str, Part] = {}
-    for number in labels.parents_first(parent_of):
-        item, parent = items[number], parent_of[number]
-        record = item.articulation
-        found[id_of[number]] = Part(
-            label=name_of[number],
-            mesh=mesh_of[number],
-            parent=None if parent is None else id_of[parent],
-            motion="fixed" if record is None else articulate3d.joint(record, 1.0, origin),
-            graspable=record is not None,
-        )
-    return found

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from s2a.core.errors import InputError
 from s2a.scan import gltf_file
@@ -45,7 +45,10 @@ def read(path: Path) -> SourceMesh:
         InputError: a truncated or damaged file, or one that needs an extension that is not read.
     """
     file = GltfFile(path)
-    _check_extensions(file)
+    required = [str(name) for name in file.items("extensionsRequired")]
+    file.refuse_compressed(required)
+    if missing := [name for name in required if name not in READ and not name.startswith(HARMLESS)]:
+        raise InputError(f"{path}: needs {', '.join(missing)}, which is not read; export it without")
     try:
         reader = _Reader(file)
         parts = list(reader.parts())
@@ -60,18 +63,7 @@ def read(path: Path) -> SourceMesh:
     return joined(parts, Stated("y", 1.0, NAME))
 
 
-def _check_extensions(file: GltfFile) -> None:
-    """Raise an InputError for an extension without which the file cannot be read."""
-    required = [str(name) for name in file.items("extensionsRequired")]
-    file.refuse_compressed(required)
-    missing = [name for name in required if name not in READ and not name.startswith(HARMLESS)]
-    if missing:
-        raise InputError(f"{file.path}: needs {', '.join(missing)}, which is not read; export it without")
-
-
 class _Reader:
-    """Walks a scene and collects its triangles."""
-
     def __init__(self, file: GltfFile) -> None:
         self._file, self._lost = file, Counter[str]()
         self._looks = GltfMaterials(file)
@@ -126,19 +118,22 @@ class _Reader:
             if not node.get("extensions", {}).get(VISIBILITY, {}).get("visible", True):
                 self._lost["nodes are invisible, and are left out"] += 1
                 continue
-            world = above @ _matrix(node)
+            if "matrix" in node:
+                own = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+            else:
+                own = _composed(node.get("translation"), node.get("rotation"), node.get("scale"))
+            world = above @ own
             yield index, world
             waiting += [(child, world) for child in reversed(node.get("children", []))]
 
     def _meshes(self, roots: list[int]) -> set[int]:
-        """Return the nodes with a mesh below some nodes."""
-        nodes, found, waiting = self._file.items("nodes"), set[int](), list(roots)
+        nodes, below, waiting = self._file.items("nodes"), set[int](), list(roots)
         while waiting:
             index = waiting.pop()
-            if index not in found:
-                found.add(index)
+            if index not in below:
+                below.add(index)
                 waiting += nodes[index].get("children", [])
-        return {index for index in found if "mesh" in nodes[index]}
+        return {index for index in below if "mesh" in nodes[index]}
 
     def _instances(self, node: dict[str, Any], world: np.ndarray) -> Iterator[np.ndarray]:
         """Yield the matrices [4 4] at which a node's mesh stands."""
@@ -216,7 +211,6 @@ class _Reader:
 def _part(
     points: np.ndarray, faces: np.ndarray, matrix: np.ndarray, uv: np.ndarray, colors: np.ndarray, material: Any
 ) -> SourceMesh:
-    """Return one primitive where a matrix puts it."""
     vertices = points @ matrix[:3, :3].T + matrix[:3, 3]
     if np.linalg.det(matrix[:3, :3]) < 0:  # a mirror turns faces inside out
         faces, uv, colors = faces[:, ::-1], uv[:, ::-1], colors[:, ::-1]
@@ -224,23 +218,11 @@ def _part(
     return SourceMesh(vertices, faces, uv, colors, number, () if material is None else (material,), Stated())
 
 
-def _matrix(node: dict[str, Any]) -> np.ndarray:
-    """Return a node's matrix [4 4] in its parent's frame."""
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    return _composed(node.get("translation"), node.get("rotation"), node.get("scale"))
-
-
 def _composed(translation: Any, rotation: Any, scale: Any) -> np.ndarray:
     """Return the matrix [4 4] of a translation, a quaternion xyzw and a scale; None is none."""
     matrix = np.eye(4)
-    if rotation is not None:
-        x, y, z, w = np.asarray(rotation, dtype=np.float64) / (math.hypot(*rotation) or 1.0)
-        matrix[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
+    if rotation is not None and np.any(rotation):
+        matrix[:3, :3] = Rotation.from_quat(rotation).as_matrix()
     if scale is not None:
         matrix[:3, :3] *= np.asarray(scale, dtype=np.float64)
     if translation is not None:

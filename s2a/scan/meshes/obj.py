@@ -94,15 +94,15 @@ def read_materials(mesh: Path, line: str) -> dict[str, Painted]:
 
     A library that is missing is a warning.
     """
-    found: dict[str, Painted] = {}
+    materials: dict[str, Painted] = {}
     for name in _libraries(mesh.parent, name_of(line)):
         file = beside(mesh.parent, name)
         if file is None:
             _log.warning("%s: %s is missing", mesh, name)
             continue
         for key, painted in _library(mesh, file).items():
-            found.setdefault(key, painted)
-    return found
+            materials.setdefault(key, painted)
+    return materials
 
 
 def _libraries(folder: Path, names: str) -> list[str]:
@@ -112,38 +112,37 @@ def _libraries(folder: Path, names: str) -> list[str]:
     names = short(names) or names
     if '"' in names:
         return [a or b for a, b in re.findall(r'"([^"]*)"|(\S+)', names)]
-    words, found = names.split(), list[str]()
+    words, libraries = names.split(), list[str]()
     while words:
         # As many words as name a file, and otherwise up to the first that ends as libraries do.
         ends = [i for i in range(len(words), 0, -1) if beside(folder, " ".join(words[:i])) is not None]
         ends += [i for i, word in enumerate(words, 1) if word.lower().endswith(".mtl")]
         end = ends[0] if ends else len(words)
-        found.append(" ".join(words[:end]))
+        libraries.append(" ".join(words[:end]))
         words = words[end:]
-    return found
+    return libraries
 
 
 def _library(mesh: Path, file: Path) -> dict[str, Painted]:
-    """Return the materials of one library."""
-    found: dict[str, Painted] = {}
+    materials: dict[str, Painted] = {}
     current, textured, transparent = "", set[str](), set[str]()
     for line in lines(file):
         key, *words = line.split() or [""]
         if key.lower() == "newmtl":
             current = name_of(line)
-            found.setdefault(current, GREY_PAINT)
-        elif key == "Kd" and current in found:
+            materials.setdefault(current, GREY_PAINT)
+        elif key == "Kd" and current in materials:
             color = _color(mesh, file, line)
             if color is not None and current not in textured:
-                found[current] = Painted(Material(color), np.ones(2), np.zeros(2))
-        elif key.lower() == "map_kd" and words and current in found:
-            found[current] = _textured(mesh, file, name_of(line))
+                materials[current] = Painted(Material(color), np.ones(2), np.zeros(2))
+        elif key.lower() == "map_kd" and words and current in materials:
+            materials[current] = _textured(mesh, file, name_of(line))
             textured.add(current)
         elif key in _OPAQUE and words and _is_number(words[-1]) and float(words[-1]) != _OPAQUE[key]:
             transparent.add(current)
     if transparent:
         _log.warning("%s: %s: %d materials are transparent, and become opaque", mesh, file.name, len(transparent))
-    return found
+    return materials
 
 
 def _color(mesh: Path, file: Path, line: str) -> np.ndarray | None:
@@ -162,14 +161,14 @@ def _color(mesh: Path, file: Path, line: str) -> np.ndarray | None:
 def _textured(mesh: Path, file: Path, text: str) -> Painted:
     """Return the material of a map: options, then the file's name, which may hold spaces, quotes and #."""
     folders = (file.parent, mesh.parent)  # names count from the library, but some exporters mean the mesh
-    found = next(((folder, text) for folder in folders if beside(folder, text)), None)
+    place = next(((folder, text) for folder in folders if beside(folder, text)), None)
     options: dict[str, list[str]] = {}
-    if found is None:
+    if place is None:
         options, name = _options(text)
         names = (name, name.split(" #")[0].strip(), short(name))
-        found = next(((folder, each) for each in names for folder in folders if each and beside(folder, each)), None)
-        found = found or (file.parent, name)
-    image = read_image(mesh, *found)
+        place = next(((folder, each) for each in names for folder in folders if each and beside(folder, each)), None)
+        place = place or (file.parent, name)
+    image = read_image(mesh, *place)
     # The factor is left at 1: exporters write Kd 0 or 0.8 beside a texture. Without the texture it tells nothing.
     wrap = CLAMP if options.get("-clamp", ["off"])[0].lower() == "on" else REPEAT
     material = PLAIN if image is None else Material(np.ones(3), image, (wrap, wrap))
@@ -179,7 +178,7 @@ def _textured(mesh: Path, file: Path, text: str) -> Painted:
 
 def _options(text: str) -> tuple[dict[str, list[str]], str]:
     """Return the options of a map with their arguments, and the rest, which is the file's name."""
-    found: dict[str, list[str]] = {}
+    options: dict[str, list[str]] = {}
     rest = text
     while (match := re.match(r"(-[a-z]+)\s+", rest, re.IGNORECASE)) and (key := match[1].lower()) in _ARITY:
         rest, arguments = rest[match.end() :], list[str]()
@@ -189,8 +188,8 @@ def _options(text: str) -> tuple[dict[str, list[str]], str]:
                 break
             arguments.append(word[0])
             rest = word[1]
-        found[key] = arguments
-    return found, rest.strip()
+        options[key] = arguments
+    return options, rest.strip()
 
 
 def _is_number(word: str) -> bool:
@@ -202,7 +201,6 @@ def _is_number(word: str) -> bool:
 
 
 def _two(words: list[str], default: float) -> np.ndarray:
-    """Return the first two of an option's numbers, shape [2]."""
     values = [float(word) if _is_number(word) else default for word in words[:2]]
     return np.array(values + [default] * (2 - len(values)))
 
@@ -336,7 +334,7 @@ def _corner(word: str, vertices: int, coordinates: int) -> tuple[int, int]:
 
 def _listed(path: Path, names: dict[str, int], materials: dict[str, Painted]) -> list[Painted]:
     """Return the materials in the order of their numbers; grey, and a warning, for those that no library describes."""
-    found = {name: find(name, materials) for name in names}
-    if missing := [name for name, paint in found.items() if paint is None]:
+    paints = {name: find(name, materials) for name in names}
+    if missing := [name for name, paint in paints.items() if paint is None]:
         _log.warning("%s: no .mtl file describes the material %s; its faces become grey", path, ", ".join(missing[:4]))
-    return [paint or GREY_PAINT for paint in found.values()]
+    return [paint or GREY_PAINT for paint in paints.values()]

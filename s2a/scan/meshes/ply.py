@@ -57,15 +57,15 @@ def read(path: Path) -> SourceMesh:
 
 def _polygons(file: PlyFile, face: Element | None) -> Lists | None:
     """Return the vertices of the polygons; triangle strips, as Stanford's first files have them, become triangles."""
-    if face is not None and (found := ply.corner_lists(face)) is not None:
-        return found
+    if face is not None and (lists := ply.corner_lists(face)) is not None:
+        return lists
     strips = file.elements.get("tristrips")
-    found = None if strips is None else ply.corner_lists(strips)
-    if found is None:
+    lists = None if strips is None else ply.corner_lists(strips)
+    if lists is None:
         return None
-    values = found.values.astype(np.int64)
+    values = lists.values.astype(np.int64)
     windows = np.stack([values[:-2], values[1:-1], values[2:]], axis=1)
-    ends = np.repeat(np.cumsum(found.counts), found.counts)  # a strip ends at -1, too, and begins anew after it
+    ends = np.repeat(np.cumsum(lists.counts), lists.counts)  # a strip ends at -1, too, and begins anew after it
     begins = np.maximum.accumulate(
         np.where(np.append(True, (values[:-1] < 0) | (ends[:-1] != ends[1:])), np.arange(len(values)), 0)
     )
@@ -109,14 +109,14 @@ def _textures(
         whole = wedge.counts[polygon] == 2 * sides.counts[polygon]
         place = np.where(whole[:, None], place, 0)
         if len(wedge.values) >= 2:
-            found = np.stack([wedge.values[place], wedge.values[place + 1]], axis=2)
-            uv = np.where(whole[:, None, None], found, np.nan)
+            corner_uv = np.stack([wedge.values[place], wedge.values[place + 1]], axis=2)
+            uv = np.where(whole[:, None, None], corner_uv, np.nan)
     elif pair is not None:
         uv = np.stack([vertex.columns[name].astype(np.float64) for name in pair], axis=1)[faces]
     used = np.zeros(len(faces), np.int64)
     if face is not None and "texnumber" in face.columns:
         used = face.columns["texnumber"].astype(np.int64)[polygon]
-    known = (used >= 0) & (used < len(materials)) & ~np.isnan(uv).any(axis=(1, 2))
-    if lost := int((~known).sum()):
+    placed = (used >= 0) & (used < len(materials)) & ~np.isnan(uv).any(axis=(1, 2))
+    if lost := int((~placed).sum()):
         _log.warning("%s: %d faces have no place on a texture, and keep their own colours", path, lost)
-    return uv, np.where(known, used, -1), materials
+    return uv, np.where(placed, used, -1), materials

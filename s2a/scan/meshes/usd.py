@@ -77,8 +77,8 @@ def _mesh(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> Polygons:
     holes = np.array(mesh.GetHoleIndicesAttr().Get(time) or [], dtype=np.int64)
     shown = ~np.isin(np.arange(len(counts)), holes)
     left = mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded
-    kept = np.repeat(shown, counts)
-    return Polygons(points, counts[shown], indices[kept], np.flatnonzero(shown), left)
+    shown_corners = np.repeat(shown, counts)
+    return Polygons(points, counts[shown], indices[shown_corners], np.flatnonzero(shown), left)
 
 
 def _shape(points: np.ndarray, faces: list[tuple[int, ...]]) -> Polygons:
@@ -135,7 +135,8 @@ DEEPEST = 16
 """Instancers within instancers."""
 DAMAGE = (TypeError, ValueError, IndexError, AttributeError, KeyError, OverflowError, MemoryError)
 """What attributes of wrong types raise."""
-Place = Callable[[Usd.Prim], np.ndarray]
+Place = Callable[[Usd.Prim], Any]
+"""A prim -> matrix [4 4] of USD's row vectors."""
 
 
 def recognise(path: Path) -> bool:
@@ -178,8 +179,6 @@ def _stated(stage: Usd.Stage) -> Stated:
 
 
 class _Reader:
-    """Walks a stage and collects its triangles."""
-
     def __init__(self, path: Path, stage: Usd.Stage) -> None:
         self._path, self._stage = path, stage
         timed = stage.HasAuthoredTimeCodeRange()
@@ -195,13 +194,10 @@ class _Reader:
 
     def parts(self) -> Iterator[SourceMesh]:
         """Yield the geometry of all prims, placed; stand-ins where there is nothing else."""
-        shown = list(self._shown(self._stage.GetPseudoRoot(), self._world, 0))
+        shown = list(self._shown(self._stage.GetPseudoRoot(), self._cache.GetLocalToWorldTransform, 0))
         if not any(purpose not in STANDINS for _, _, purpose in shown):
-            shown = [
-                (prim, place, UsdGeom.Tokens.render)
-                for prim, place, purpose in shown
-                if purpose == UsdGeom.Tokens.proxy
-            ]
+            proxies = [(prim, place) for prim, place, purpose in shown if purpose == UsdGeom.Tokens.proxy]
+            shown = [(prim, place, UsdGeom.Tokens.render) for prim, place in proxies]
         for prim, matrix, purpose in shown:
             if purpose in STANDINS:
                 self._lost[f"prims of purpose {purpose} are left out, which renderers do not show"] += 1
@@ -218,15 +214,8 @@ class _Reader:
         for what, count in self._lost.items():
             _log.warning("%s: %d %s", self._path, count, what)
         if errors := self._stage.GetCompositionErrors():
-            _log.warning(
-                "%s: %d references cannot be followed: %s",
-                self._path,
-                len(errors),
-                " ".join(str(errors[0]).split())[:160],
-            )
-
-    def _world(self, prim: Usd.Prim) -> np.ndarray:
-        return np.array(self._cache.GetLocalToWorldTransform(prim))
+            first = " ".join(str(errors[0]).split())[:160]
+            _log.warning("%s: %d references cannot be followed: %s", self._path, len(errors), first)
 
     def _shown(self, root: Usd.Prim, place: Place, depth: int) -> Iterator[tuple[Usd.Prim, np.ndarray, str]]:
         """Yield the visible prims with a shape at and below a prim, where they stand, and their purpose."""
@@ -241,9 +230,9 @@ class _Reader:
             if prim.IsA(UsdGeom.PointInstancer):
                 walk.PruneChildren()
                 if image.ComputeVisibility(self._time) != UsdGeom.Tokens.invisible:
-                    yield from self._instances(UsdGeom.PointInstancer(prim), place(prim), depth)
+                    yield from self._instances(UsdGeom.PointInstancer(prim), np.array(place(prim)), depth)
             elif prim.IsA(UsdGeom.Gprim) and not self._invisible(image):
-                yield prim, place(prim), image.ComputePurpose()
+                yield prim, np.array(place(prim)), image.ComputePurpose()
 
     def _invisible(self, image: UsdGeom.Imageable) -> bool:
         gone = image.ComputeVisibility(self._time) == UsdGeom.Tokens.invisible
@@ -350,8 +339,10 @@ class _Primvars:
         counts = UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(time) if prim.IsA(UsdGeom.Mesh) else None
         whole = np.array(counts if counts is not None else shape.counts, dtype=np.int64)
         ends = np.cumsum(whole)
-        kept = [np.arange(ends[i] - whole[i], ends[i]) for i in shape.number] if len(whole) != len(shape.counts) else []
-        self._corner = np.concatenate(kept) if kept else np.arange(len(shape.indices))
+        corners = (
+            [np.arange(ends[i] - whole[i], ends[i]) for i in shape.number] if len(whole) != len(shape.counts) else []
+        )
+        self._corner = np.concatenate(corners) if corners else np.arange(len(shape.indices))
 
     def at(self, corners: np.ndarray, polygon: np.ndarray, name: str, width: int) -> np.ndarray:
         """Return a primvar at corners [face 3], shape [face 3 width]; NaN where there is none or its length is wrong."""

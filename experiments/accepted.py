@@ -78,7 +78,7 @@ def opened(path: Path, work: Path) -> list[dict]:
 def accepted(path: Path, bare: files.BareScan) -> tuple[Draft, list[dict]]:
     """Return the annotation of the accepted proposals of an imported scan, and a row for each."""
     values = config.file("annotate")
-    grow = config.load(GrowConfig, values["grow"])
+    grow = GrowConfig()
     sample = files.read(path)
     _, source = proposals.as_used(path, sample)
     truth = json.loads((path / "truth" / "truth.json").read_text())

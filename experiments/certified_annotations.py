@@ -40,7 +40,7 @@ def main() -> None:
     """Prepare and certify with wrong annotations, write the figures and print a table."""
     args = arguments(__doc__, RESULTS)
     logging.disable(logging.WARNING)
-    bounds = config.load(Bounds, config.file("evidence/default"))
+    bounds = Bounds()
     cases = [case(path, bounds) for path in args.scans]
     random = np.random.default_rng(args.seed)
     drawn = [(name, pick(cases, random)) for name, pick in CLASSES.items() for _ in range(args.count)]

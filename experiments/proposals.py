@@ -41,7 +41,7 @@ def measured(path: Path) -> list[dict]:
     surface, source = as_used(path, bare)
     start = time.perf_counter()
     values = config.file("annotate")
-    grow = config.load(GrowConfig, values["grow"])
+    grow = GrowConfig()
     found = propose(surface, config.load(ProposeConfig, values["propose"]), grow)
     seconds = time.perf_counter() - start
     truth = json.loads((path / "truth" / "truth.json").read_text())

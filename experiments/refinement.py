@@ -98,7 +98,7 @@ def settings() -> RefineConfig:
 
 @functools.cache
 def _bounds() -> Bounds:
-    return config.load(Bounds, config.file("evidence/default"))
+    return Bounds()
 
 
 def checks(*scenes: Scene) -> list[dict[str, list[str]]]:

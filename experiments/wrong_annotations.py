@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from s2a import scan
-from s2a.core import config
 from s2a.core.check import Check
 from s2a.core.provenance import provenance
 from s2a.scan.evidence import Bounds, annotation
@@ -82,7 +81,7 @@ class Wrong:
 def main() -> None:
     """Check right and wrong annotations, write the figures and print a table."""
     args = arguments(__doc__, RESULTS)
-    bounds = config.load(Bounds, config.file("evidence/default"))
+    bounds = Bounds()
     start = time.perf_counter()
     cases = [case(path, bounds) for path in args.scans]
     random = np.random.default_rng(args.seed)

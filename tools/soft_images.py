@@ -34,7 +34,7 @@ def main() -> None:
     args = parser.parse_args()
     with np.load(args.states) as file:
         states = trial_of(dict(file), args.trial)
-    settings = config.load(SoftConfig, config.compose("soft/bear")["soft"])
+    settings = SoftConfig()
     body = soft_body(settings.shape)
     camera = config.load(CameraConfig, config.compose("camera/default")["camera"])
     camera = replace(camera, width=args.width, height=args.width * 3 // 4, distance=args.distance)

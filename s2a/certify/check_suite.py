@@ -26,7 +26,7 @@ from s2a.scene.usd.stage import ROOT
 from s2a.scene.usd.stamp import content_hash
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CertifyConfig:
     """Settings of the check suite.
 
@@ -40,13 +40,13 @@ class CertifyConfig:
         grip: the grasp-hold test.
     """
 
-    shapes: ShapeConfig
-    foundation: FoundationConfig
-    evidence: EvidenceConfig
-    gap: GapConfig
+    shapes: ShapeConfig = ShapeConfig()
+    foundation: FoundationConfig = FoundationConfig()
+    evidence: EvidenceConfig = EvidenceConfig()
+    gap: GapConfig = GapConfig()
     physics: PhysicsConfig
     motion: MotionConfig
-    grip: GripConfig
+    grip: GripConfig = GripConfig()
 
 
 HARMLESS = ("usd", "collider_count", "grasp_site", *(rule.__name__ for rule in portability.ROOM_RULES))

@@ -38,8 +38,8 @@ class GapConfig:
         max_fill_ratio: gap fill ratio from which colliders block the fingers.
     """
 
-    min_free_fraction: Fraction
-    max_fill_ratio: Fraction
+    min_free_fraction: Fraction = 0.9
+    max_fill_ratio: Fraction = 0.01
 
 
 @dataclass(frozen=True)

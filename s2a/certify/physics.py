@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from s2a import robot as robots
 from s2a.core.bounds import Count, NotNegative, Numbers, Positive
 from s2a.core.outputs import temporary_folder
+from s2a.motion.trajectory import STRAIGHT_APPROACH
 from s2a.robot.model import add_gripper
 from s2a.scene.articulation import opening_sign, pose_at
 from s2a.scene.usd import sim_stage
@@ -37,8 +38,8 @@ class PhysicsConfig:
     """
 
     dt: Positive
-    iterations: Count
-    impratio: Positive
+    iterations: Count = 50
+    impratio: Positive = 10.0
 
 
 class MujocoWorld:
@@ -194,7 +195,7 @@ class GripConfig:
             besides fully open.
         max_penetration: of the open gripper on its approach [m].
         opened: how far the part is open meanwhile, as displacement of the grasp point [m]; at most half of its range.
-        force: of each finger [N].
+        force: of each finger [N]. The Franka Hand holds with up to 70 N.
         damping: of each finger [N s/m].
         gear: how stiffly the closed fingers resist moving to one side together [N/m].
         close_time: to close [s].
@@ -204,19 +205,19 @@ class GripConfig:
         dt: time step [s]; short, because at the steps of training MuJoCo's soft friction creeps by millimetres.
     """
 
-    approach: Positive
-    depths: Numbers
-    margins: tuple[float, ...]
-    max_penetration: NotNegative
-    opened: NotNegative
-    force: Positive
-    damping: NotNegative
-    gear: NotNegative
-    close_time: Positive
-    pull: NotNegative
-    pull_time: Positive
-    slip: NotNegative
-    dt: Positive
+    approach: Positive = STRAIGHT_APPROACH
+    depths: Numbers = (0.0, 0.005, -0.005)
+    margins: tuple[float, ...] = (0.012,)
+    max_penetration: NotNegative = 0.001
+    opened: NotNegative = 0.05
+    force: Positive = 30.0
+    damping: NotNegative = 100.0
+    gear: NotNegative = 20000.0
+    close_time: Positive = 0.6
+    pull: NotNegative = 20.0
+    pull_time: Positive = 1.0
+    slip: NotNegative = 0.002
+    dt: Positive = 0.001
 
 
 @dataclass(frozen=True)

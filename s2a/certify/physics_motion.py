@@ -23,7 +23,7 @@ SLACK = 0.002
 """[m] How near to a limit the sweep has to come: limits are soft."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MotionConfig:
     """Bounds of the checks without a gripper.
 
@@ -32,22 +32,24 @@ class MotionConfig:
         rest_displacement: max displacement of any body then [m].
         open_time: for how long the part may not open by itself [s].
         open: how far its grasp point may have moved then [m].
-        force: at the grasp point, with which the joint is swept, besides what carries its weight [N].
-        weight_fraction: the same as a fraction of the weight of what moves, where that is more.
+        force: at the grasp point, with which the joint is swept, besides what carries its weight [N]. What a finger
+            pulls a kitchen drawer with.
+        weight_fraction: the same as a fraction of the weight of what moves, where that is more. Rollers resist with 2
+            to 3 % of the weight they carry: 60 kg take a hand, not a finger.
         speed: of the grasp point during the sweep [m/s].
         poses: coordinates along the travel at which penetration is measured.
         penetration: of colliders that no joint connects [m].
     """
 
     rest_time: Positive
-    rest_displacement: NotNegative
+    rest_displacement: NotNegative = 0.001
     open_time: Positive
-    open: NotNegative
-    force: Positive
-    weight_fraction: NotNegative
-    speed: Positive
+    open: NotNegative = 0.001
+    force: Positive = 10.0
+    weight_fraction: NotNegative = 0.05
+    speed: Positive = 0.25
     poses: Count
-    penetration: NotNegative
+    penetration: NotNegative = 0.001
 
 
 def motion(world: MujocoWorld, config: MotionConfig) -> list[Check]:

@@ -250,9 +250,9 @@ class FoundationConfig:
         required: features that must pass; the others of the profile are reported.
     """
 
-    profile: str
-    version: str
-    required: tuple[str, ...]
+    profile: str = "Robotics-Prop"
+    version: str = "4.0.0"
+    required: tuple[str, ...] = ("FET_003_STANDARD", "FET_003_NEWTON", "FET_004_STANDARD", "FET_004_NEWTON")
 
 
 def foundation(path: Path, config: FoundationConfig) -> list[Check]:

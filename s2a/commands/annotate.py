@@ -29,7 +29,7 @@ START = np.array([1.0, 0.0, 0.0])
 """From where the page's camera sees the room at first, turned by `camera`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """Keys of `s2a annotate`.
 
@@ -55,9 +55,9 @@ class Config:
     port: Annotated[int, AtLeast(1, 65535)]
     max_faces: Count
     camera: OrbitCamera
-    grow: GrowConfig
+    grow: GrowConfig = GrowConfig()
     propose: ProposeConfig
-    evidence: Bounds
+    evidence: Bounds = Bounds()
 
 
 def run(config: Config) -> str:

@@ -27,7 +27,7 @@ class Config:
 
     scan: Path
     out: Path | None
-    evidence: Bounds
+    evidence: Bounds = Bounds()
 
 
 def run(config: Config) -> str:

@@ -120,8 +120,8 @@ class Config(WorldsConfig):
     states: Path | None
     camera: CameraConfig
     physics: Literal["rigid", "soft"]
-    soft: SoftConfig
-    soft_metrics: SoftMetrics
+    soft: SoftConfig = SoftConfig()
+    soft_metrics: SoftMetrics = SoftMetrics()
 
 
 class Album:

@@ -31,7 +31,7 @@ class Config:
     scan: Path
     out: Path
     check: bool
-    evidence: Bounds
+    evidence: Bounds = Bounds()
 
 
 def run(config: Config) -> str:

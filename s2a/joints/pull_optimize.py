@@ -193,7 +193,7 @@ def _arms(pulled: Sequence[Pulled]) -> Arms:
     return h
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PullConfig:
     """What a good pull is, and where it is looked for. Costs add up without a unit.
 
@@ -201,28 +201,29 @@ class PullConfig:
         time: cost of a second until the set-point stands [1/s].
         energy: of the work done on the handle [1/J].
         peak: of the greatest force on the handle [1/N].
-        end: distance from the goal that costs 1, root mean square from the end on [m].
+        end: distance from the goal that costs 1, root mean square from the end on [m]. Half a third of what a pull may
+            miss.
         end_speed: speed that costs 1, likewise [m/s].
         knots: coefficients of the set-point's cubic B-spline.
         min_seconds: time of the set-point's motion, at least [s].
         max_seconds: at most [s]; the same as `min_seconds` for a time that is given.
         beyond: how far past the goal the set-point may go [m].
-        hold: for how long after its motion the part shall stay at the goal [s].
-        rate: set-points a second [1/s], each for a step of physics.
+        hold: for how long after its motion the part shall stay at the goal [s]. The arm's own time constant is 0.2 s.
+        rate: set-points a second [1/s], each for a step of physics. Of the controller.
         rounds: evaluations of the loss and its gradient, at most.
     """
 
     time: NotNegative
     energy: NotNegative
     peak: NotNegative
-    end: Positive
-    end_speed: Positive
-    knots: Count
-    min_seconds: Positive
-    max_seconds: Positive
-    beyond: NotNegative
-    hold: Positive
-    rate: Positive
+    end: Positive = 0.001
+    end_speed: Positive = 0.005
+    knots: Count = 16
+    min_seconds: Positive = 0.6
+    max_seconds: Positive = 4.0
+    beyond: NotNegative = 0.03
+    hold: Positive = 0.5
+    rate: Positive = 60.0
     rounds: Count
 
 

@@ -168,7 +168,7 @@ MAX_WAIT = 60.0
 """Before a retry, as an endpoint may ask for [s]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LlmConfig:
     """The language model.
 
@@ -191,7 +191,7 @@ class LlmConfig:
     attempts: CountFromZero
     temperature: NotNegative
     max_tokens: Count
-    max_response_bytes: Count
+    max_response_bytes: Count = 2000000
     prices: tuple[NotNegative, NotNegative]
     answers: Path | None
 

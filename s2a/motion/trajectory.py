@@ -16,8 +16,11 @@ from s2a.core.bounds import Count, CountFromZero, NotNegative, Positive
 from s2a.core.errors import InputError
 from s2a.robot.spec import GripperSpec, JointLimits
 
+STRAIGHT_APPROACH = 0.10
+"""[m] Length of the straight path to a grasp: of the search for a base, the grasp-hold test and the planner."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class PlannerConfig:
     """The motion in numbers; times are minima, which a limit of the robot may extend.
 
@@ -26,7 +29,8 @@ class PlannerConfig:
         approach: distance from which the gripper moves straight to a grasp, and back from it [m].
         depth: how far the pads reach past the grasp point, into the furniture [m].
         opening: path of the grasp point [m]; less where the joint ends earlier.
-        start_noise: how far an episode may start from the home position [rad]; for the time of the first motion.
+        start_noise: how far an episode may start from the home position [rad]; for the time of the first motion. As in
+            conf/task.
         reach_time: to the point of approach, and between others [s].
         approach_time: from there to the grasp [s].
         close_time: for the fingers to close [s].
@@ -36,13 +40,13 @@ class PlannerConfig:
     """
 
     ik_seeds: Count
-    approach: Positive
-    depth: float
+    approach: Positive = STRAIGHT_APPROACH
+    depth: float = 0.0
     opening: Positive
-    start_noise: NotNegative
-    reach_time: Positive
-    approach_time: Positive
-    close_time: Positive
+    start_noise: NotNegative = 0.125
+    reach_time: Positive = 2.0
+    approach_time: Positive = 1.0
+    close_time: Positive = 0.8
     pull_time: Positive
     pull_law: Path | None
     seed: CountFromZero

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from s2a.core.bounds import Count, Numbers, Positive
 from s2a.motion.obstacles import Obstacles
 from s2a.motion.search import UNREACHABLE, Follow, Miss, Search, Stand
+from s2a.motion.trajectory import STRAIGHT_APPROACH
 from s2a.prepare.grasp import floor_height, floor_points, heading, lowest_point
 from s2a.robot.collision import SLACK, Penetration, RobotShape, robot_shape
 from s2a.robot.spec import RobotSpec
@@ -33,7 +34,7 @@ TRIED = 8
 """Number of joint paths that are checked: those that begin nearest to home."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BaseConfig:
     """Candidate base poses; the robot's spec has the distances.
 
@@ -52,15 +53,15 @@ class BaseConfig:
         floor: when it stands on scanned floor; not asked where no part is labelled as floor.
     """
 
-    sides: Numbers
-    turns: Numbers
-    pedestals: Numbers
-    approach: Positive
+    sides: Numbers = (0.0, -0.2, 0.2, -0.4, 0.4)
+    turns: Numbers = (0.0, -0.5, 0.5)
+    pedestals: Numbers = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+    approach: Positive = STRAIGHT_APPROACH
     opening: Positive
-    ik_seeds: Count
-    query_radius: Positive
+    ik_seeds: Count = 16
+    query_radius: Positive = 1.6
     search: bool
-    floor: FloorConfig
+    floor: FloorConfig = FloorConfig()
 
 
 @dataclass(frozen=True)

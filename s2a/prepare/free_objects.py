@@ -83,7 +83,7 @@ RAYS = 24
 """Of those that look for a support, along either side of an object."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FreeConfig:
     """How an object becomes a free body.
 
@@ -101,17 +101,17 @@ class FreeConfig:
         top: level tops of what carries objects.
     """
 
-    search_radius: Positive
-    min_component_area: Fraction
-    hulls: Count
-    resolution: Count
-    max_vertices: Annotated[int, AtLeast(4)]
-    foot: Positive
-    margin: NotNegative
-    thickness: Positive
-    clearance: NotNegative
+    search_radius: Positive = 0.03
+    min_component_area: Fraction = 0.02
+    hulls: Count = 3
+    resolution: Count = 30000
+    max_vertices: Annotated[int, AtLeast(4)] = 32
+    foot: Positive = 0.004
+    margin: NotNegative = 0.05
+    thickness: Positive = 0.02
+    clearance: NotNegative = 0.003
     mass: MassConfig
-    top: TopConfig
+    top: TopConfig = TopConfig()
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.motion.obstacles import Obstacles
+from s2a.motion.trajectory import STRAIGHT_APPROACH
 from s2a.robot.collision import RobotShape, robot_shape
 from s2a.robot.spec import GripperSpec, RobotSpec
 from s2a.scene.articulation import opening_direction
@@ -42,7 +42,7 @@ FLOOR = ("floor", "floors")
 """Last words of a label that make it the floor's."""
 
 
-def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None, approach: float | None = None) -> Grasp:
+def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None, approach: float = STRAIGHT_APPROACH) -> Grasp:
     """Return the grasp of a movable part: point, frame and extents of its annotated region.
 
     The gripper approaches in the direction in which the part closes; if it would collide there, and the region is a bar,
@@ -52,7 +52,7 @@ def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None, approac
         scene: the room.
         target: id of the part.
         spec: the robot; None: the Panda.
-        approach: straight path before the grasp that has to be free [m]; None: that of conf/motion/approach.yaml.
+        approach: straight path before the grasp that has to be free [m].
 
     Raises:
         InputError: the part is unknown, does not move, or has no surface.
@@ -60,7 +60,6 @@ def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None, approac
     point = scene.grasp_point(target)
     region = merge([scene.parts[i].mesh for i in scene.handle_parts(target)])
     spec = spec or robot.load(DEFAULT_ROBOT)
-    approach = config.file("motion/approach")["approach"] if approach is None else approach
     shape = robot_shape(spec)
     first = _grasp(point, region, -opening_direction(scene.joint(target), point))
     if (internal := _internal(scene, target, region, first, spec.gripper)) is not None:
@@ -276,7 +275,7 @@ def find_target(
     members: Sequence[str] | None = None,
     grasp: Grasp | None = None,
     spec: RobotSpec | None = None,
-    approach: float | None = None,
+    approach: float = STRAIGHT_APPROACH,
 ) -> Target:
     """Return an articulated part of a scene.
 

@@ -174,8 +174,8 @@ class SimConfig:
     limits: MotionLimits | None
     joint: JointConfig
     vary: Variation | None
-    grip_stiffness: NotNegative | None = None
-    coupled_fingers: bool = False
+    grip_stiffness: NotNegative | None
+    coupled_fingers: bool
 
     @property
     def control_dt(self) -> float:

@@ -35,7 +35,7 @@ class OpenPartConfig(PartMdp):
     bonus_openings: tuple[float, float, float]
     termination_opening: Positive
     full_travel: Positive
-    firm_angle: Annotated[float, AtLeast(120.0, 180.0)] = 120.0
+    firm_angle: Annotated[float, AtLeast(120.0, 180.0)]
 
 
 @dataclass(frozen=True)

@@ -54,17 +54,18 @@ class SoftMetrics:
         contact_force: of each finger, from which a pinch holds [N].
         carried_fraction: of the body's path over which a pinch must have held.
         max_drift: of the body after the last touch [m]: more is dropped or thrown.
-        max_depth: of the arm in the room's hulls, at any time [m].
+        max_depth: of the arm in the room's hulls, at any time [m]. As the planner allows; the spheres stand out of the
+            links by more.
     """
 
-    position: Positive
-    rest_time: Positive
-    rest_speed: Positive
-    clear_distance: NotNegative
-    contact_force: Positive
-    carried_fraction: Fraction
-    max_drift: NotNegative
-    max_depth: NotNegative
+    position: Positive = 0.05
+    rest_time: Positive = 1.0
+    rest_speed: Positive = 0.01
+    clear_distance: NotNegative = 0.02
+    contact_force: Positive = 1.0
+    carried_fraction: Fraction = 0.8
+    max_drift: NotNegative = 0.02
+    max_depth: NotNegative = 0.005
 
 
 @dataclass(frozen=True)

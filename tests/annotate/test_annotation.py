@@ -16,14 +16,13 @@ from s2a.annotate.editor import Editor
 from s2a.annotate.page import shown
 from s2a.annotate.region import GrowConfig, around, grow, grow_most
 from s2a.annotate.surface import ADDED, SplitSurface
-from s2a.core import config
 from s2a.scan.evidence import Bounds
 from s2a.scan.evidence import annotation as evidence
 from s2a.scan.formats.articulate3d import read_overlaps
 from s2a.scene.geometry.mesh_ops import merge
 
-GROW = config.load(GrowConfig, config.file("annotate")["grow"])
-BOUNDS = config.load(Bounds, config.file("evidence/default"))
+GROW = GrowConfig()
+BOUNDS = Bounds()
 DRAWER = np.array([(0, y, z) for y, z in ((-0.71, 0.613), (-0.11, 0.613), (-0.11, 0.787), (-0.71, 0.787))], float)
 """Corners between the board's vertices: 0.6 x 0.174 m around the bar."""
 

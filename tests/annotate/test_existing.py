@@ -16,10 +16,9 @@ from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
 from s2a.annotate.region import GrowConfig
 from s2a.commands import cli
-from s2a.core import config
 from s2a.scan.ply_file import write_ply
 
-GROW = config.load(GrowConfig, config.file("annotate")["grow"])
+GROW = GrowConfig()
 DRAWER = np.array([(0, y, z) for y, z in ((-0.71, 0.613), (-0.11, 0.613), (-0.11, 0.787), (-0.71, 0.787))], float)
 LOWER = DRAWER - [0.0, 0.0, 0.3]
 

@@ -19,7 +19,6 @@ from s2a.annotate.annotation import Draft  # noqa: E402
 from s2a.annotate.editor import Editor  # noqa: E402
 from s2a.annotate.page import panel  # noqa: E402
 from s2a.annotate.region import GrowConfig  # noqa: E402
-from s2a.core import config  # noqa: E402
 from s2a.scan.evidence import Bounds  # noqa: E402
 from s2a.scene.geometry.camera import CameraPose  # noqa: E402
 
@@ -29,8 +28,8 @@ pytestmark = [
 ]
 WIDTH, HEIGHT = 1280, 800
 EYE, TARGET, FOV = np.array([2.4, 0.4, 1.2]), np.array([0.0, 0.0, 0.4]), 0.8
-GROW = config.load(GrowConfig, config.file("annotate")["grow"])
-BOUNDS = config.load(Bounds, config.file("evidence/default"))
+GROW = GrowConfig()
+BOUNDS = Bounds()
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ from s2a.core.errors import InputError
 from s2a.scene.scene import Scene
 
 VALUES = config.file("annotate")
-GROW, PROPOSE = config.load(GrowConfig, VALUES["grow"]), config.load(ProposeConfig, VALUES["propose"])
+GROW, PROPOSE = GrowConfig(), config.load(ProposeConfig, VALUES["propose"])
 ROWS, COLUMNS = 100, 130
 SLIDES, TURNS = MOTIONS.index(("slide", "out")), MOTIONS.index(("hinge", "left"))
 

@@ -28,7 +28,7 @@ COMMANDS = {
     "check": ["scan={inputs}/scan", "out={out}/check.json"],
     "insert": [
         "stage={inputs}/room.usd", "object={inputs}/zoo/objects/stapler.usda", "label=stapler", "llm=rules", "out={out}/insert",
-        "image={out}/insert.png", "placement.ransac.seed={n}",
+        "image={out}/insert.png", "neighbours={n}",
     ],
     "prepare": ["stage={inputs}/room.usd", "targets=drawer_6", "out={out}/sim.usd"],
     "identify": ["stage={inputs}/sim.usda", "pulls=[{inputs}/pull.csv]", "noise.force=0.{n}5", "out={out}/identified.usda"],

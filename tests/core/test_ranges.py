@@ -23,26 +23,14 @@ IMPOSSIBLE = {
         ("annotators.careful.border", "-0.1", "0 or more"),
     ],
     "prepare": [
-        *((f"prepare.base.{name}", "[]", "a list of one or more") for name in ("sides", "turns", "pedestals")),
-        ("prepare.base.ik_seeds", "0", "1 or more"),
-        ("prepare.base.query_radius", "-1.0", "a number above 0"),
         ("prepare.decimate.structure", "0.0", "a number above 0, up to 1"),
         ("prepare.decimate.other", "1.5", "a number above 0, up to 1"),
         ("prepare.decimate.max_error", "0.0", "a number above 0"),
-        ("prepare.room.part_hulls", "0", "1 or more"),
-        ("prepare.colliders.max_vertices", "3", "4 or more"),
         ("prepare.mass.families.drawer.value", "-3.0", "a number above 0"),
-        ("prepare.free.min_component_area", "2.0", "a number from 0 to 1"),
     ],
     "certify": [
         ("certify.physics.dt", "0.0", "a number above 0"),
-        ("certify.grip.depths", "[]", "a list of one or more"),
         ("certify.motion.poses", "0", "1 or more"),
-        ("certify.gap.min_free_fraction", "90.0", "a number from 0 to 1"),
-    ],
-    "check": [
-        ("evidence.edge", "0.0", "a number above 0"),
-        ("evidence.blocked", "10.0", "a number from 0 to 1"),
     ],
     "train": [
         ("num_envs", "0", "1 or more"),
@@ -53,7 +41,6 @@ IMPOSSIBLE = {
         ("ppo.iterations", "0", "1 or more"),
         ("ppo.hidden_dims", "[]", "a list of one or more"),
         ("ppo.gamma", "99.0", "a number from 0 to 1"),
-        ("planner.close_time", "0.0", "a number above 0"),
     ],
     "evaluate": [
         ("seed", "-1", "0 or more"),
@@ -66,10 +53,6 @@ IMPOSSIBLE = {
         ("retries", "-1", "0 or more"),
         ("llm.timeout", "0.0", "a number above 0"),
         ("sandbox.seconds", "0.0", "a number above 0"),
-        ("placement.drop_test.step", "0.0", "a number above 0"),
-        ("placement.pose.search.turns", "[]", "a list of one or more"),
-        ("placement.regions.cell", "0.0", "a number above 0"),
-        ("hulls.min_fill_fraction", "85.0", "a number from 0 to 1"),
     ],
     "zoo": [("seed", "-1", "0 or more")],
 }

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
 
-from s2a.core.config import compose
-from s2a.core.config import load as typed
 from s2a.language.insert import drop_test as settling
 from s2a.language.insert.drop_test import DropTestConfig, DropTestResult, drop_test
 from s2a.scene.geometry.convex import box, column
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh
 
-CONFIG: DropTestConfig = typed(DropTestConfig, compose("insert/placement")["insert"]["drop_test"])
+CONFIG = DropTestConfig()
 
 
 def rough_floor(size: float = 0.5, step: float = 0.015, noise: float = 0.0015) -> Mesh:
@@ -28,9 +28,8 @@ def rough_floor(size: float = 0.5, step: float = 0.015, noise: float = 0.0015) -
     return Mesh(points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
 
 
-def dropped(hull: Mesh, support: Mesh, **changes: float) -> DropTestResult:
-    values = {**compose("insert/placement")["insert"]["drop_test"], **changes}
-    return drop_test([hull], support, typed(DropTestConfig, values))
+def dropped(hull: Mesh, support: Mesh, **changes: Any) -> DropTestResult:
+    return drop_test([hull], support, DropTestConfig(**changes))
 
 
 def block(size: tuple[float, float, float], x: float = 0.0, z: float = 0.004) -> Mesh:
@@ -104,7 +103,7 @@ def flat(edge: float) -> Mesh:
     return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def steps(patches: pytest.MonkeyPatch, hull: Mesh, support: Mesh, **changes: float) -> tuple[DropTestResult, int]:
+def steps(patches: pytest.MonkeyPatch, hull: Mesh, support: Mesh, **changes: Any) -> tuple[DropTestResult, int]:
     """Drop something; return what came of it, and in how many steps."""
     taken, step = [0], mujoco.mj_step
 
@@ -130,7 +129,7 @@ def test_what_rests_is_not_watched_to_the_end_and_nothing_else_comes_of_it(monke
         assert short.penetration == pytest.approx(long.penetration, abs=2e-6)
 
 
-def on_edge(over: float, **changes: float) -> DropTestResult:
+def on_edge(over: float, **changes: Any) -> DropTestResult:
     """Watch a pole whose middle is beyond the edge of what it stands on by so much [m]."""
     return dropped(block((0.04, 0.04, 0.3), z=0.0), flat(-over), drop=0.0, **changes)
 

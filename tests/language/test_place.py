@@ -22,7 +22,7 @@ from s2a.scene.geometry.regions import Kind, RegionConfig
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 VALUES = compose("insert/placement")["insert"]
-REGIONS: RegionConfig = load(RegionConfig, VALUES["regions"])
+REGIONS: RegionConfig = RegionConfig()
 POSE: PoseConfig = load(PoseConfig, VALUES["pose"])
 
 
@@ -154,7 +154,7 @@ def test_a_book_goes_into_the_shelf_compartment_that_is_high_enough() -> None:
 
 def test_the_papers_rule_shifts_until_nothing_is_cut() -> None:
     cup = block(0.08, 0.08, 0.1)
-    plane, inliers = target_plane(table(), "table_2", False, load(RansacConfig, VALUES["ransac"]))
+    plane, inliers = target_plane(table(), "table_2", False, RansacConfig())
     pose = place_paper(table(), cup, plane, inliers, POSE.paper)
     around = table().parts["table_2"].mesh
     assert crossing(pose.moved(cup), around) is None

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from rough_furniture import at, block, sheet, table
 
-from s2a.core.config import compose, load
 from s2a.core.errors import InputError
 from s2a.language.insert import describe
 from s2a.language.insert.describe import RoomState
@@ -21,9 +20,7 @@ from s2a.scene.geometry.occupancy import distinct_cells
 from s2a.scene.geometry.regions import Region, RegionConfig
 from s2a.scene.scene import Mesh, Part, Scene
 
-SURFACE: SurfaceConfig = load(
-    SurfaceConfig, {name: compose("insert/placement")["insert"][name] for name in ("surface", "regions", "ransac")}
-)
+SURFACE = SurfaceConfig("regions")
 
 
 REGIONS = SURFACE.regions

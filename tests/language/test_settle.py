@@ -23,7 +23,7 @@ from s2a.scene.scene import Mesh
 
 VALUES = compose("insert/placement")["insert"]
 POSE: PoseConfig = load(PoseConfig, VALUES["pose"])
-ROOM = RoomState(table(), "", load(SurfaceConfig, {name: VALUES[name] for name in ("surface", "regions", "ransac")}))
+ROOM = RoomState(table(), "", SurfaceConfig("regions"))
 SETTINGS: InsertSettings = load(InsertSettings, compose("insert", ["stage=none", "out=none"]))
 ON = Choice("table_2", "horizontal", "on", 0.74, "")
 CUP = block(0.08, 0.08, 0.1)

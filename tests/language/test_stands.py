@@ -20,7 +20,7 @@ from s2a.scene.geometry.regions import RegionConfig
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 VALUES = compose("insert/placement")["insert"]
-REGIONS: RegionConfig = load(RegionConfig, VALUES["regions"])
+REGIONS: RegionConfig = RegionConfig()
 POSE: PoseConfig = load(PoseConfig, VALUES["pose"])
 UP = np.array([0.0, 0.0, 1.0])
 LAMP = merge([block(0.28, 0.28, 0.02), block(0.03, 0.03, 1.5), at(block(0.35, 0.35, 0.3), 0, 0, 1.3)])

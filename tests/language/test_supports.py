@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from rough_furniture import at, block, frame, sheet, walls
 
-from s2a.core.config import compose, load
 from s2a.language.insert.supports import is_basin, target_regions
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.regions import RegionConfig
 from s2a.scene.scene import Joint, Part, Scene
 
-REGIONS: RegionConfig = load(RegionConfig, compose("insert/placement")["insert"]["regions"])
+REGIONS = RegionConfig()
 HINGE = Joint("revolute", (0.0, 0.0, 1.0), (0.5, 0.2, 0.0), (0.0, 1.5))
 
 

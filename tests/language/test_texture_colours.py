@@ -9,12 +9,11 @@ import pytest
 import trimesh
 from PIL import Image
 
-from s2a.core.config import compose, load
 from s2a.language.insert.object_file import ObjectConfig, painted, read_object
 from s2a.scan import source
 from s2a.scan.source import SourceMesh
 
-OBJECT: ObjectConfig = load(ObjectConfig, compose("insert/placement")["insert"]["object"])
+OBJECT = ObjectConfig()
 RED, BLUE = (220, 20, 20), (20, 20, 220)
 
 

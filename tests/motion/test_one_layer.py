@@ -21,8 +21,11 @@ def test_the_control_frequency_is_computed_once() -> None:
 
 
 def test_the_approach_is_written_once() -> None:
-    files = [path for path in config.folder().rglob("*.yaml") if re.search(r"^\s*approach: ", path.read_text(), re.M)]
-    assert [path.stem for path in files] == ["approach"]
+    assert not [
+        path for path in config.folder().rglob("*.yaml") if re.search(r"^\s*approach: ", path.read_text(), re.M)
+    ]
+    assert files_with(r"(?m)^STRAIGHT_APPROACH = ") == ["trajectory.py"]
+    assert files_with(r"(?m)^    approach: Positive = (?!STRAIGHT_APPROACH$)") == []
 
 
 def test_joint_paths_from_many_bases_are_asked_for_by_one_search() -> None:

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from rough_furniture import sheet, sink
 
-from s2a.core.config import compose, load
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.planes import RansacConfig, ransac_plane
 from s2a.scene.geometry.regions import Region, RegionConfig, support_regions
 from s2a.scene.scene import Mesh, Scene
 
-VALUES = compose("insert/placement")["insert"]
-CONFIG: RegionConfig = load(RegionConfig, VALUES["regions"])
+CONFIG = RegionConfig()
 
 
 def level(regions: list[Region]) -> list[Region]:
@@ -95,7 +93,7 @@ def test_a_turned_wall_is_an_upright_region_that_looks_into_the_room() -> None:
 
 def test_ransac_finds_the_plane_of_most_points_and_only_that() -> None:
     points = sink().vertices
-    plane = ransac_plane(points, False, load(RansacConfig, VALUES["ransac"]))
+    plane = ransac_plane(points, False, RansacConfig())
     assert plane is not None
     heights = points[plane.faces][:, 2]
     assert heights.mean() == pytest.approx(0.85, abs=0.005)

@@ -9,14 +9,13 @@ import pytest
 from soft_cube import cube_asset
 
 from s2a import robot
-from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.robot.kinematics import kinematics
 from s2a.sim.soft import RATE, SoftSimulation, _world
 from s2a.sim.soft_body import SoftBody, SoftConfig, SoftShape, _box, soft_body
 
 PANDA = robot.load("panda")
-CONFIG = config.load(SoftConfig, config.compose("soft/bear")["soft"])
+CONFIG = SoftConfig()
 BASE = np.array([0, 0, 0, 0, 0, 0, 1.0])
 FLOOR = _box(np.array([0.3, -0.2, -0.1]), np.array([0.7, 0.2, 0.0]))
 SIDE, AT = 0.05, np.array([0.5, 0.0, 0.025 + CONFIG.particle_radius, 0, 0, 0, 1.0])

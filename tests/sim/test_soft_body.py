@@ -10,7 +10,6 @@ from pxr import Usd
 from scipy.spatial.transform import Rotation
 from soft_cube import cube_asset
 
-from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.sim.soft_body import BEAR, KUHN, SoftBody, SoftShape, read_asset, soft_body, volumes
 
@@ -26,11 +25,6 @@ def bear() -> SoftBody:
 def test_a_cube_is_cut_into_six_tetrahedra_of_a_sixth_each() -> None:
     corners = KUHN.reshape(-1, 3).astype(float)
     np.testing.assert_allclose(volumes(corners, np.arange(24).reshape(6, 4)), 1.0 / 6.0)
-
-
-def test_the_shape_is_that_of_conf() -> None:
-    found = config.compose("soft/bear")["soft"]["shape"]
-    assert found == {"length": 0.14, "cells": 15, "fill": 0.4}
 
 
 def test_its_volume_is_that_of_its_cells_and_near_the_asset_s(bear: SoftBody) -> None:

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.core import config
 from s2a.scan.evidence import Bounds
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 
@@ -24,7 +23,7 @@ DRAWER = Joint("prismatic", (1, 0, 0), (FRONT, 1.25, 0.5), (0.0, 0.4))
 
 def bounds() -> Bounds:
     """Return the bounds of conf/evidence."""
-    return config.load(Bounds, config.file("evidence/default"))
+    return Bounds()
 
 
 def sheet(corner: tuple[float, ...], u: tuple[float, ...], v: tuple[float, ...], cell: float = 0.05) -> Mesh:

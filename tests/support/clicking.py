@@ -174,4 +174,4 @@ def grown(surface: SplitSurface, eye: np.ndarray, place: np.ndarray) -> FrontReg
     """Return the region that a click at a place makes."""
     found = shown.place(surface.mesh(), eye, (place - eye) / np.linalg.norm(place - eye))
     assert found is not None
-    return region.grow(surface, found[0], config.load(GrowConfig, config.file("annotate")["grow"]))
+    return region.grow(surface, found[0], GrowConfig())

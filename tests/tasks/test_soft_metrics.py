@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2a.core import config
 from s2a.tasks.soft import SoftEpisode, SoftMetrics, outcome
 
-METRICS = config.load(SoftMetrics, config.compose("soft_metrics/default")["soft_metrics"])
+METRICS = SoftMetrics()
 RATE, GOAL = 60, np.array([0.5, 0.0, 0.2])
 STILL, UP, OVER, DOWN, END = 30, 60, 120, 60, 120
 FIRST, RELEASED = STILL, STILL + UP + OVER + DOWN

@@ -17,7 +17,7 @@ from s2a.tasks import soft
 from s2a.tasks.pick_place import PickPlaceConfig
 from s2a.tasks.soft import COLUMNS, SoftMetrics
 
-SOFT = load(SoftConfig, "soft/bear")
+SOFT = SoftConfig()
 START = "0.2 0.0 0.9"
 TOP = 0.802
 """[m] Of the cabinet."""
@@ -60,9 +60,7 @@ def test_a_trial_without_a_plan_counts_as_failed() -> None:
     """Of two trials one succeeds."""
     done = dict.fromkeys(COLUMNS, True) | {"trial": 1, "limit_use": {"torque": 0.5}}
     values = dict.fromkeys(("position_error", "carried_fraction", "drift", "arm_depth", "grip_force"), 0.1)
-    found = _soft_summary(
-        [{"trial": 0, "success": False, "cause": "no plan"}, done | values], load(SoftMetrics, "soft_metrics/default")
-    )
+    found = _soft_summary([{"trial": 0, "success": False, "cause": "no plan"}, done | values], SoftMetrics())
     assert found["episodes"] == 2
     assert all(found[name]["rate"] == 0.5 for name in COLUMNS)
     assert found["limit_use"] == {"torque": 0.5}

@@ -12,24 +12,24 @@ from s2a.annotate.surface import SplitSurface
 from s2a.core.bounds import Fraction, Positive
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ProposeConfig:
     """How fronts are proposed.
 
     Attributes:
-        cell: width of the cells of a plane's image [m].
-        density: points that stand for a surface, per m^2.
-        layer: points this near to a plane belong to it [m].
+        cell: width of the cells of a plane's image [m]. The network was trained with this.
+        density: points that stand for a surface, per m^2. Four points in a cell.
+        layer: points this near to a plane belong to it [m]. A phone's mesh waves by 5 mm.
         min_layer: smallest area of a plane [m^2].
-        min_front: smallest width and height of a front [m].
+        min_front: smallest width and height of a front [m]. 1 % of virtual fronts are smaller (docs/virtual_homes.md).
         min_score: probability from which on a front is proposed.
     """
 
-    cell: Positive
-    density: Positive
-    layer: Positive
-    min_layer: Positive
-    min_front: tuple[Positive, Positive]
+    cell: Positive = 0.01
+    density: Positive = 40000.0
+    layer: Positive = 0.015
+    min_layer: Positive = 0.03
+    min_front: tuple[Positive, Positive] = (0.16, 0.08)
     min_score: Fraction
 
 

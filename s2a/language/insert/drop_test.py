@@ -102,26 +102,26 @@ class DropTestConfig:
         friction: sliding [1], torsional [m] and rolling [m].
         stiffness: time constant of contacts [s].
         drift: max distance from the placed position [m].
-        tilt: max angle from the placed pose [rad].
+        tilt: max angle from the placed pose [rad]. 5°.
         penetration: max depth at rest [m].
         contact_distance: a wall-mounted object has a surface within this distance behind it [m].
     """
 
-    drop: NotNegative
-    seconds: Positive
-    still: NotNegative
-    steady: NotNegative
-    creep: float
-    step: Positive
-    search_radius: NotNegative
-    thickness: Positive
-    density: Positive
-    friction: tuple[NotNegative, NotNegative, NotNegative]
-    stiffness: Positive
-    drift: NotNegative
-    tilt: NotNegative
-    penetration: NotNegative
-    contact_distance: NotNegative
+    drop: NotNegative = 0.005
+    seconds: Positive = 2.0
+    still: NotNegative = 0.1
+    steady: NotNegative = 0.01
+    creep: float = 5e-05
+    step: Positive = 0.002
+    search_radius: NotNegative = 0.015
+    thickness: Positive = 0.008
+    density: Positive = 300.0
+    friction: tuple[NotNegative, NotNegative, NotNegative] = (1.0, 0.005, 0.0005)
+    stiffness: Positive = 0.005
+    drift: NotNegative = 0.01
+    tilt: NotNegative = 0.0873
+    penetration: NotNegative = 0.001
+    contact_distance: NotNegative = 0.006
 
 
 @dataclass(frozen=True)

@@ -69,8 +69,8 @@ class ObjectConfig:
         aggressiveness: of the decimation.
     """
 
-    faces: Count
-    aggressiveness: Positive
+    faces: Count = 60000
+    aggressiveness: Positive = 3.0
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,8 @@ class PoseConfig:
         search: the grid search.
         paper: the baseline.
         attempts: candidates that are tested exactly.
-        alternatives: free poses on one region that are offered, in case that the object does not stay at the first ones.
+        alternatives: free poses on one region that are offered, in case that the object does not stay at the first
+            ones. On one support, where the first ones do not stay.
         min_spacing: smallest distance of a candidate from those that failed, as a fraction of the object's radius.
         back_gap: gap between the object's back and what it is against [m].
         contact_gap: gap between the object and what it touches [m].
@@ -71,15 +72,15 @@ class PoseConfig:
 
     pose: Literal["search", "paper"]
     search: SearchConfig
-    paper: PaperConfig
-    attempts: Count
-    alternatives: Count
-    min_spacing: NotNegative
-    back_gap: NotNegative
-    contact_gap: NotNegative
-    slide: NotNegative
-    lowering_height: NotNegative
-    swept_volume_tolerance: NotNegative
+    paper: PaperConfig = PaperConfig()
+    attempts: Count = 40
+    alternatives: Count = 8
+    min_spacing: NotNegative = 0.25
+    back_gap: NotNegative = 0.005
+    contact_gap: NotNegative = 0.0003
+    slide: NotNegative = 0.3
+    lowering_height: NotNegative = 0.03
+    swept_volume_tolerance: NotNegative = 0.008
 
 
 @dataclass(frozen=True)

@@ -45,22 +45,24 @@ class PreferenceConfig:
         back_distance: distance from there over which that weight decays [m].
         backed_reach: a side of a support is closed if something rises within this distance beyond it [m].
         backed_clearance: clearance beyond this does not improve a placement on such a support [m].
-        hang_heights: lowest and highest middle of what hangs on a wall, above the floor [m].
+        hang_heights: lowest and highest middle of what hangs on a wall, above the floor [m]. Eye level of people who
+            stand.
         hang_weight: weight of that height.
         above_gap: gap between what hangs and the furniture below it [m].
-        view_distance: what is nearer than this before a wall hides what hangs there [m].
+        view_distance: what is nearer than this before a wall hides what hangs there [m]. The depth of a chest of
+            drawers with its gap to the wall.
         view_weight: weight of a free view.
     """
 
-    back_weight: NotNegative
-    back_distance: Positive
-    backed_reach: NotNegative
-    backed_clearance: Positive
-    hang_heights: tuple[Positive, Positive]
-    hang_weight: NotNegative
-    above_gap: NotNegative
-    view_distance: NotNegative
-    view_weight: NotNegative
+    back_weight: NotNegative = 0.6
+    back_distance: Positive = 0.15
+    backed_reach: NotNegative = 0.2
+    backed_clearance: Positive = 0.04
+    hang_heights: tuple[Positive, Positive] = (1.45, 1.6)
+    hang_weight: NotNegative = 2.0
+    above_gap: NotNegative = 0.15
+    view_distance: NotNegative = 0.6
+    view_weight: NotNegative = 1.5
 
 
 @dataclass(frozen=True)
@@ -246,7 +248,7 @@ def _closed(
     return bool((seen < reach + 0.05).mean() >= BACKED)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SearchConfig:
     """Search on the occupancy grid.
 
@@ -268,21 +270,21 @@ class SearchConfig:
         habits: where people put things.
     """
 
-    turns: Numbers
-    layers: Count
-    contact_height: NotNegative
-    samples: Count
-    min_supported_fraction: Fraction
+    turns: Numbers = (0, 10, -10, 25, -25, 45, -45, 90, -90, 180)
+    layers: Count = 5
+    contact_height: NotNegative = 0.008
+    samples: Count = 4000
+    min_supported_fraction: Fraction = 0.96
     margin: NotNegative
-    max_useful_clearance: Positive
-    max_overhang: Fraction
-    max_placements: Count
-    clearance_weight: float
-    facing_weight: float
-    neighbour_weight: float
-    backing_weight: float
-    neighbour_distance: Positive
-    habits: PreferenceConfig
+    max_useful_clearance: Positive = 0.12
+    max_overhang: Fraction = 0.15
+    max_placements: Count = 2000
+    clearance_weight: float = 1.0
+    facing_weight: float = 0.3
+    neighbour_weight: float = 1.5
+    backing_weight: float = 1.5
+    neighbour_distance: Positive = 0.25
+    habits: PreferenceConfig = PreferenceConfig()
 
 
 @dataclass(frozen=True)

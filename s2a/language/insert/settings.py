@@ -57,7 +57,7 @@ class Inserted:
     plan: Plan
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlacementConfig(SurfaceConfig):
     """Placement of an object.
 
@@ -68,11 +68,11 @@ class PlacementConfig(SurfaceConfig):
     """
 
     pose: PoseConfig
-    drop_test: DropTestConfig
-    object: ObjectConfig
+    drop_test: DropTestConfig = DropTestConfig()
+    object: ObjectConfig = ObjectConfig()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class InsertSettings:
     """Keys of `s2a insert`.
 
@@ -120,7 +120,7 @@ class InsertSettings:
     llm: LlmConfig
     placement: PlacementConfig
     sandbox: SandboxConfig
-    hulls: HullsConfig
+    hulls: HullsConfig = HullsConfig()
     camera: OrbitCamera
 
     @property

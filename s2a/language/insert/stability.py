@@ -143,9 +143,9 @@ class HullsConfig:
         max_vertices: largest number of vertices of a hull.
     """
 
-    min_fill_fraction: Fraction
-    slices: Count
-    max_vertices: Annotated[int, AtLeast(4)]
+    min_fill_fraction: Fraction = 0.85
+    slices: Count = 6
+    max_vertices: Annotated[int, AtLeast(4)] = 4000
 
 
 def drop_check(hulls: HullsConfig, config: DropTestConfig) -> StabilityCheck:

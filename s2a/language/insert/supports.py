@@ -36,8 +36,8 @@ class SurfaceConfig:
     """
 
     surface: Literal["regions", "ransac"]
-    regions: RegionConfig
-    ransac: RansacConfig
+    regions: RegionConfig = RegionConfig()
+    ransac: RansacConfig = RansacConfig()
 
 
 def target_mesh(scene: Scene, target: str) -> Mesh:
@@ -184,9 +184,9 @@ class PaperConfig:
         seed: of the offsets.
     """
 
-    attempts: Count
-    spread: NotNegative
-    seed: CountFromZero
+    attempts: Count = 1000
+    spread: NotNegative = 0.01
+    seed: CountFromZero = 0
 
 
 def place_paper(scene: Scene, object: Mesh, plane: Plane, inliers: np.ndarray, config: PaperConfig) -> Pose:

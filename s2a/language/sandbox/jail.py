@@ -138,15 +138,15 @@ STAGE = "scene.usda"
 """Name of the stage in the scratch folder, which is the current one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SandboxConfig:
     """Limits of scripts.
 
     Attributes:
         seconds: wall time of the process, from when it receives the script [s].
         cpu_seconds: CPU time of the script [s].
-        memory: address space of the script [MiB].
-        disk: size of its scratch folder and of a file [MiB].
+        memory: address space of the script [MiB]. MiB.
+        disk: size of its scratch folder and of a file [MiB]. MiB; the geometry-free stage of a full office has 0.2.
         allow: bounds on its text.
         layers: sandbox layers to enable.
         required_guarantees: guarantees without which an untrusted script does not run; `s2a.language.sandbox.worker.GUARANTEES`
@@ -155,10 +155,10 @@ class SandboxConfig:
     """
 
     seconds: Positive
-    cpu_seconds: Positive
-    memory: Count
-    disk: Count
-    allow: AllowConfig
+    cpu_seconds: Positive = 3.0
+    memory: Count = 256
+    disk: Count = 2
+    allow: AllowConfig = AllowConfig()
     layers: tuple[Literal["namespaces", "landlock", "seccomp"], ...]
     required_guarantees: tuple[Literal["files", "network", "processes"], ...]
 

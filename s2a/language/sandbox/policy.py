@@ -38,18 +38,18 @@ class AllowConfig:
     """Bounds on the text of a script.
 
     Attributes:
-        max_length: length of the script [characters].
-        max_text: length of a string [characters].
+        max_length: length of the script [characters]. Characters; a script has 1000 to 3000.
+        max_text: length of a string [characters]. Characters.
         max_number: magnitude of a number.
         max_items: items of a list.
         max_repeats: iterations of a loop.
     """
 
-    max_length: Count
-    max_text: Count
-    max_number: Positive
-    max_items: Count
-    max_repeats: Count
+    max_length: Count = 20000
+    max_text: Count = 1000
+    max_number: Positive = 1000000.0
+    max_items: Count = 200
+    max_repeats: Count = 200
 
 
 def refuse_nested(tree: ast.Module) -> None:

@@ -70,7 +70,7 @@ MARGIN = 0.15
 """Fraction of the part's extent in the image by which it is cut out wider."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DepthCameraConfig:
     """A depth camera on a stand, of a kind like Intel's D435, and where it may stand.
 
@@ -79,7 +79,8 @@ class DepthCameraConfig:
         height: [pixel].
         fov: vertical field of view [rad].
         distance: least and greatest distance from the part [m].
-        azimuth: how far to the side of the line from part to robot it stands at most, turned about z [rad].
+        azimuth: how far to the side of the line from part to robot it stands at most, turned about z [rad]. [rad] to
+            either side of the line from part to robot.
         elevation: least and greatest height above the part's horizon [rad].
         aim_error: how far from the part's middle it is aimed at most, in each direction [m].
         noise: standard deviation of the depth of a pixel at a distance of 1 m [m]; it grows with the distance squared.
@@ -92,13 +93,13 @@ class DepthCameraConfig:
     height: Count
     fov: Annotated[float, Above(0.0, 3.0)]
     distance: tuple[Positive, Positive]
-    azimuth: NotNegative
-    elevation: tuple[float, float]
-    aim_error: NotNegative
+    azimuth: NotNegative = 0.9
+    elevation: tuple[float, float] = (0.15, 0.7)
+    aim_error: NotNegative = 0.1
     noise: NotNegative
-    calibration_shift: NotNegative
-    calibration_turn: NotNegative
-    points: Annotated[int, AtLeast(64)]
+    calibration_shift: NotNegative = 0.002
+    calibration_turn: NotNegative = 0.003
+    points: Annotated[int, AtLeast(64)] = 1024
 
 
 @dataclass(frozen=True)

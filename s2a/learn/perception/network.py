@@ -88,7 +88,7 @@ def _description(found: torch.Tensor, guess: torch.Tensor) -> torch.Tensor:
     return torch.cat([point, across, inwards, axis, along, size, slides, lengths], dim=1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
     """How the network is trained.
 
@@ -105,10 +105,10 @@ class NetworkConfig:
 
     steps: Count
     batch: Count
-    learning_rate: Positive
-    weight_decay: NotNegative
-    turn: NotNegative
-    scale: Positive
+    learning_rate: Positive = 0.001
+    weight_decay: NotNegative = 0.01
+    turn: NotNegative = 0.35
+    scale: Positive = 1.15
     points: Count
     width: Count
 

@@ -40,11 +40,14 @@ ADDED = {
     "sim.joint.spring": "joint",
     "sim.limits.drives": False,
     "sim.vary": None,
+    "sim.grip_stiffness": None,
+    "sim.coupled_fingers": False,
     "task.describe_part": False,
     "task.fine_grasp": False,
     "task.grasp_error": (0.0, 0.0),
     "task.grasp_turn": (0.0, 0.0),
     "task.action_delay": (0, 0),
+    "task.firm_angle": 120.0,
     "ppo.imitation_iterations": 0,
     "ppo.critic_iterations": 0,
     "ppo.critic_learning_rate": None,
@@ -100,6 +103,8 @@ def _may_change(key: str, now: object, then: object) -> bool:
     """Return whether a key may differ from the run's: FREE ones, what is reported alone, what has no effect."""
     # A list or a fraction that one version does not have, and that neither run uses.
     if None in (now, then) and not now and not then:
+        return True
+    if now is None and key in ADDED and then == ADDED[key]:  # of another task's settings
         return True
     return key in FREE or key.startswith("metrics.") or (key.startswith("reward.") and not now and not then)
 

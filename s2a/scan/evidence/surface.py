@@ -155,11 +155,12 @@ class FloorConfig:
 
     Attributes:
         tolerance: how far the scanned floor may be from the foot of what stands there [m].
-        min_fraction: fraction of its footprint with floor below.
+        min_fraction: fraction of its footprint with floor below. Holes below furniture and where the tripod stood are
+            smaller than a base.
     """
 
-    tolerance: Positive
-    min_fraction: Fraction
+    tolerance: Positive = 0.05
+    min_fraction: Fraction = 0.5
 
 
 def floor_fraction(

@@ -191,7 +191,7 @@ def _largest_rectangle(taken: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return corners
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RansacConfig:
     """RANSAC for one plane.
 
@@ -202,10 +202,10 @@ class RansacConfig:
         seed: of the random choices.
     """
 
-    threshold: Positive
-    iterations: Count
-    max_tilt: NotNegative
-    seed: CountFromZero
+    threshold: Positive = 0.01
+    iterations: Count = 1000
+    max_tilt: NotNegative = 0.26
+    seed: CountFromZero = 0
 
 
 def ransac_plane(points: np.ndarray, upright: bool, config: RansacConfig) -> Plane | None:

@@ -62,6 +62,10 @@ FEWEST = 0.01
 """Smallest fraction of the faces that mode "error" tests."""
 
 
+STRUCTURE_LABELS = ("wall", "walls", "floor", "ceiling")
+"""Last words of the labels of a room's structure."""
+
+
 @dataclass(frozen=True)
 class DecimateConfig:
     """Decimation of the static room.
@@ -80,9 +84,9 @@ class DecimateConfig:
     structure: Annotated[float, Above(0.0, 1.0)]
     other: Annotated[float, Above(0.0, 1.0)]
     max_error: Positive
-    structure_labels: tuple[str, ...]
-    aggressiveness: Positive
-    samples: Count
+    structure_labels: tuple[str, ...] = STRUCTURE_LABELS
+    aggressiveness: Positive = 5.0
+    samples: Count = 100000
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.core import config
 from s2a.scene.articulation import open_limit, opening_sign
 from s2a.scene.geometry.convex import column
 from s2a.scene.geometry.mesh_ops import centroids, keep, merge, painted
-from s2a.scene.geometry.regions import PlaneConfig, horizontal_planes
+from s2a.scene.geometry.regions import PlaneConfig, RegionConfig, horizontal_planes
 from s2a.scene.scene import Joint, Mesh
 from s2a.view.page.glb import vertex_normals
 from s2a.view.page.room import Extra, PageRoom, hue
@@ -33,8 +32,6 @@ REGION_COLOR = (255, 96, 32)
 SUPPORT_COLOR = (40, 150, 220)
 REACH_COLOR, FREE_COLOR, NOT_FREE_COLOR = (250, 190, 40), (40, 160, 70), (190, 40, 40)
 """Of what is within reach, and of a base from which the arm reaches along the part's whole path, or does not."""
-PLANES = "insert/placement"
-"""The file of the configuration that says what of a surface is level, and how large."""
 STILL = "room"
 """Name of what moves with no joint."""
 
@@ -102,9 +99,8 @@ def grasps(room: PageRoom) -> Iterator[Node]:
 
 def supports(room: PageRoom) -> Iterator[Node]:
     """Yield the level surfaces of what stands still that look up: those on which `s2a insert` puts objects, occupied or not."""
-    values = config.file(PLANES)["regions"]
-    planes = config.load(PlaneConfig, values["plane"])
-    found = [_level(part.surface, planes, values["min_area"]) for part in room.parts.values() if part.mover is None]
+    sizes = RegionConfig()
+    found = [_level(part.surface, sizes.plane, sizes.min_area) for part in room.parts.values() if part.mover is None]
     yield from _merged(SUPPORTS, [(None, painted(lifted(mesh), SUPPORT_COLOR)) for mesh in found])
 
 

@@ -270,7 +270,7 @@ class SearchConfig:
         habits: where people put things.
     """
 
-    turns: Numbers = (0, 10, -10, 25, -25, 45, -45, 90, -90, 180)
+    turns: Numbers = (0.0, 10.0, -10.0, 25.0, -25.0, 45.0, -45.0, 90.0, -90.0, 180.0)
     layers: Count = 5
     contact_height: NotNegative = 0.008
     samples: Count = 4000

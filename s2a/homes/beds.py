@@ -11,24 +11,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.homes import clutter, objects
-from s2a.homes.casework import CabinetBase, Cell, Column, cabinet
+from s2a.homes import clutter, draw, objects
+from s2a.homes.casework import Cell, Column, Footing, cabinet
 from s2a.homes.clutter import Board
-from s2a.homes.draw import chance, integer, pick, uniform
-from s2a.homes.fronts import Opening, Style
-from s2a.homes.solids import FABRIC, Color, Piece, at, box, join
+from s2a.homes.draw import chance, integer, pick
+from s2a.homes.fronts import DRAWER, OPEN, Style
+from s2a.homes.solids import FABRIC, WOOD, Color, Piece, Surface, at, box, join, painted, posts, rotation
+
+OAK, SHEET = (176, 138, 96), (232, 230, 226)
+BED_TOP = 0.5
+"""[m] Height of a mattress' upper face."""
 
 
 def bed(rng: np.random.Generator, style: Style, color: Color) -> tuple[list[Piece], float, set[int]]:
     """Return a bed with its head at x = 0, pillows and a blanket, its half width [m], and its sides without drawers."""
-    wide = pick(rng, (0.9, 1.0, 1.2, 1.4, 1.6, 1.8)) * uniform(rng, (0.98, 1.02))
-    long = uniform(rng, (1.9, 2.1))
+    wide = pick(rng, (0.9, 1.0, 1.2, 1.4, 1.6, 1.8)) * rng.uniform(0.98, 1.02)
+    long = rng.uniform(1.9, 2.1)
     if chance(rng, 0.55):
         sides = pick(rng, ((-1,), (1,), (-1, 1)))
         return _box_bed(rng, style, color, (wide, long), sides), wide / 2 + 0.04, {-1, 1} - set(sides)
-    top, count = objects.BED_TOP, 1 + (wide > 1.3)
+    top, count = BED_TOP, 1 + (wide > 1.3)
     pillows = _pillows(rng, wide, count, top, 0.32)
-    pieces = [objects.bed(wide, long, color), objects.duvet(rng, wide, long, _light(rng)), *pillows]
+    pieces = [_framed_bed(wide, long, color), _duvet(rng, wide, long, draw.random_color(rng, 120, 240)), *pillows]
     return pieces, wide / 2 + 0.08, {-1, 1}
 
 
@@ -37,12 +41,12 @@ def _box_bed(
 ) -> list[Piece]:
     """Return a bed of given width and length [m] on a box with drawers that come out at some of its sides (+1, -1)."""
     wide, long = size
-    high, half, head = uniform(rng, (0.26, 0.34)), wide / 2 + 0.02, 0.06
-    drawers = Column(1.0, (Cell(1.0, Opening("drawer")),))
+    high, half, head = rng.uniform(0.26, 0.34), wide / 2 + 0.02, 0.06
+    drawers = Column(1.0, (Cell(1.0, DRAWER),))
     count, deep, middle = integer(rng, 2, 3), min(half - 0.01, 0.62), head + long / 2
     style = replace(style, drawer_theme="linen", theme="nothing", top_theme="nothing")
     chests = [
-        cabinet(rng, "bed frame", (deep, long, high), (drawers,) * count, style, CabinetBase("plinth", 0.03)).moved(
+        cabinet(rng, "bed frame", (deep, long, high), (drawers,) * count, style, Footing("plinth", 0.03)).moved(
             at(middle, side * (half - deep), 0, 90 * side)
         )
         for side in sides
@@ -52,10 +56,10 @@ def _box_bed(
     boards = [
         box((head, head + long), (min(y), max(y)), (0.03, high), *style.paint) for y in spans if abs(y[1] - y[0]) > 0.02
     ]
-    board = box((0, head - 0.004), (-half, half), (0, high + uniform(rng, (0.35, 0.7))), color, FABRIC)
-    mattress = objects.cushion((long - 0.02, wide, 0.2), (232, 230, 226), 24.0, 9.0).moved(at(middle, 0, high + 0.104))
+    board = box((0, head - 0.004), (-half, half), (0, high + rng.uniform(0.35, 0.7)), color, FABRIC)
+    mattress = objects.cushion((long - 0.02, wide, 0.2), SHEET, 24.0, 9.0).moved(at(middle, 0, high + 0.104))
     top = high + 0.206
-    blanket = objects.cushion((0.62 * long, wide - 0.04, 0.06), _light(rng), 20.0, 9.0)
+    blanket = objects.cushion((0.62 * long, wide - 0.04, 0.06), draw.random_color(rng, 120, 240), 20.0, 9.0)
     cover = Piece("blanket", blanket.moved(at(head + 0.66 * long, 0, top + 0.03)))
     return [
         Piece("bed", join(board, *boards, mattress)),
@@ -68,34 +72,102 @@ def _box_bed(
 def _pillows(rng: np.random.Generator, wide: float, count: int, top: float, x: float) -> list[Piece]:
     """Return pillows side by side at the head of a bed."""
     each = wide / count
-    size = (0.4, min(0.7, each - 0.08), uniform(rng, (0.1, 0.16)))
+    size = (0.4, min(0.7, each - 0.08), rng.uniform(0.1, 0.16))
     return [
-        objects.pillow(size, _light(rng)).moved(at(x, (i + 0.5) * each - wide / 2, top + 0.002, uniform(rng, (-3, 3))))
+        objects.pillow(size, draw.random_color(rng, 120, 240)).moved(
+            at(x, (i + 0.5) * each - wide / 2, top + 0.002, rng.uniform(-3, 3))
+        )
         for i in range(count)
     ]
 
 
-def _light(rng: np.random.Generator) -> Color:
-    red, green, blue = rng.integers(120, 240, 3).tolist()
-    return (red, green, blue)
+def _framed_bed(width: float, length: float, cloth: Color) -> Piece:
+    """Return a bed with an upholstered headboard at x = 0; its frame is 60 mm wider than its mattress [m]."""
+    half, foot = width / 2 + 0.03, 0.06 + length + 0.03
+    legs = _legs((0.08, foot - 0.08), half - 0.07, 0.16)
+    rails = [box((0.06, foot), (y, y + 0.025), (0.16, 0.36), OAK, WOOD) for y in (-half, half - 0.025)]
+    ends = [box((x, x + 0.025), (-half + 0.025, half - 0.025), (0.16, 0.36), OAK, WOOD) for x in (0.06, foot - 0.025)]
+    slats = box((0.085, foot - 0.025), (-half + 0.025, half - 0.025), (0.22, 0.25), OAK, WOOD)
+    mattress = objects.cushion((length, width, BED_TOP - 0.25), SHEET, 24.0, 9.0)
+    head = [
+        objects.cushion((0.06, (2 * half - 0.02) / 3, 0.62), cloth, 6.0, 6.0).moved(at(0.065, y, 0.76))
+        for y in np.linspace(-1, 1, 3) * (2 * half) / 3
+    ]
+    board = box((0, 0.06), (-half, half), (0.05, 1.08), cloth, FABRIC)
+    middle = at(0.075 + length / 2, 0, (BED_TOP + 0.25) / 2)
+    return Piece("bed", join(board, *head, *legs, *rails, *ends, slats, mattress.moved(middle)))
+
+
+def _duvet(rng: np.random.Generator, width: float, length: float, color: Color) -> Piece:
+    """Return a thick blanket over the lower three quarters of a bed, which falls over both sides with soft folds."""
+    long, thickness, fall = 0.68 * length, 0.035, 0.2
+    half, phase = width / 2 + thickness + 0.004, rng.uniform(0, 2 * np.pi, 3)
+    x, s = np.meshgrid(np.linspace(0, long, 33), np.linspace(-half - fall, half + fall, 49), indexing="ij")
+    hanging = np.clip(np.abs(s) - half, 0, None)
+    folds = 0.012 * (1 + np.sin(9 * x + phase[0] + np.sign(s))) * hanging / fall
+    swell = 0.004 * (1 + np.sin(4 * x + phase[1]) * np.sin(5 * s + phase[2])) * (hanging == 0)
+    y = np.sign(s) * (np.minimum(np.abs(s), half) + folds)
+    cloth = _sheet(np.stack([x, y, thickness + 0.002 + swell - hanging], axis=-1), thickness, color)
+    return Piece("blanket", cloth.moved(at(0.06 + 0.31 * length, 0, BED_TOP)))
+
+
+def _sheet(points: np.ndarray, thickness: float, color: Color) -> Surface:
+    """Return a cloth whose outer side runs through a grid of points [row column 3], rows before columns counter-clockwise."""
+    rows, columns = points.shape[:2]
+    normal = np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1))
+    inner = points - thickness * normal / np.linalg.norm(normal, axis=2, keepdims=True)
+    index, count = np.arange(rows * columns).reshape(rows, columns), rows * columns
+    a, b, c, d = (i.ravel() for i in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    outer = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    rim = np.concatenate([index[:, 0], index[-1, 1:], index[-2::-1, -1], index[0, -2::-1]])
+    here, after = rim[:-1], rim[1:]
+    hem = [np.stack([here, here + count, after + count], axis=1), np.stack([here, after + count, after], axis=1)]
+    faces = np.concatenate([outer, outer[:, ::-1] + count, *hem])
+    return painted(np.concatenate([points.reshape(-1, 3), inner.reshape(-1, 3)]), faces, color, FABRIC)
+
+
+def _sofa(width: float, seats: int, cloth: Color, name: str = "sofa") -> Piece:
+    """Return a sofa 0.9 m deep and 0.82 m high with a cushion to sit on and one to lean on for each seat.
+
+    Its back is at x = -0.9; the seats are 0.44 m high, the arms 0.6 m high and 0.18 m wide.
+    """
+    half, arm = width / 2, 0.18
+    base = box((-0.88, -0.02), (-half + arm, half - arm), (0.12, 0.28), cloth, FABRIC)
+    rest = box((-0.9, -0.72), (-half + arm, half - arm), (0.12, 0.74), cloth, FABRIC)
+    arms = [
+        objects.cushion((0.9, arm, 0.48), cloth, 14.0, 10.0).moved(at(-0.45, side * (half - arm / 2), 0.36))
+        for side in (-1, 1)
+    ]
+    each = (width - 2 * arm) / seats
+    middles = [-half + arm + each * (i + 0.5) for i in range(seats)]
+    seat = objects.cushion((0.74, each - 0.006, 0.17), cloth, 14.0, 4.0)
+    lean = objects.cushion((0.2, each - 0.012, 0.44), cloth, 8.0, 6.0).moved(rotation((0, -0.2, 0)))
+    soft = [part for y in middles for part in (seat.moved(at(-0.36, y, 0.36)), lean.moved(at(-0.63, y, 0.62)))]
+    return Piece(name, join(base, rest, *arms, *soft, *_legs((-0.84, -0.08), half - 0.09, 0.12)))
+
+
+def armchair(cloth: Color) -> Piece:
+    """Return an armchair, 0.95 m wide and 0.9 m deep; its back is at x = -0.9."""
+    return _sofa(0.95, 1, cloth, "armchair")
+
+
+def _legs(x: tuple[float, float], y: float, height: float) -> list[Surface]:
+    """Return four square legs 5 cm thick about +-y at two depths [m]."""
+    return [box((a - 0.025, a + 0.025), (b - 0.025, b + 0.025), (0, height), OAK, WOOD) for a in x for b in (-y, y)]
 
 
 def sofa(rng: np.random.Generator, color: Color) -> tuple[Piece, float]:
     """Return a sofa with its back at x = 0, and its width [m]."""
-    width = uniform(rng, (1.5, 2.3))
-    return objects.sofa(width, max(2, round((width - 0.36) / 0.75)), color).moved(at(0.9, 0)), width
+    width = rng.uniform(1.5, 2.3)
+    return _sofa(width, max(2, round((width - 0.36) / 0.75)), color).moved(at(0.9, 0)), width
 
 
 def dining(rng: np.random.Generator, style: Style) -> list[Piece]:
     """Return a dining table about the origin, long along y, with chairs and what stands on it."""
-    high, deep, long = uniform(rng, (0.71, 0.76)), uniform(rng, (0.76, 1.0)), uniform(rng, (0.9, 2.0))
+    high, deep, long = rng.uniform(0.71, 0.76), rng.uniform(0.76, 1.0), rng.uniform(0.9, 2.0)
     x, y = deep / 2, long / 2
     top = box((-x, x), (-y, y), (high - 0.03, high), style.top, style.texture)
-    legs = [
-        box((a, a + 0.06), (b, b + 0.06), (0, high - 0.03), style.top, style.texture)
-        for a in (0.03 - x, x - 0.09)
-        for b in (0.03 - y, y - 0.09)
-    ]
+    legs = posts((0.03 - x, x - 0.09), (0.03 - y, y - 0.09), (0, high - 0.03), 0.06, style.top, style.texture)
     things = clutter.fill(
         rng, Board((-x + 0.05, x - 0.05), (-y + 0.05, y - 0.05), high, 0.5), style.top_theme, integer(rng, 1, 7)
     )
@@ -103,9 +175,7 @@ def dining(rng: np.random.Generator, style: Style) -> list[Piece]:
     seats = max(1, int((long - 0.1) / 0.58))
     places = (np.arange(seats) + 0.5) / seats * (long - 0.1) - (long - 0.1) / 2
     chairs = [
-        objects.chair().moved(
-            at(side * (x + uniform(rng, (0.16, 0.3))), b, 0, 180 * (side > 0) + uniform(rng, (-6, 6)))
-        )
+        objects.chair().moved(at(side * (x + rng.uniform(0.16, 0.3)), b, 0, 180 * (side > 0) + rng.uniform(-6, 6)))
         for side in (-1, 1)
         for b in places
         if chance(rng, 0.85)
@@ -115,11 +185,11 @@ def dining(rng: np.random.Generator, style: Style) -> list[Piece]:
 
 def coffee_table(rng: np.random.Generator, style: Style) -> list[Piece]:
     """Return a low table about the origin, some with a drawer, and what stands on it."""
-    high, deep, wide = uniform(rng, (0.4, 0.46)), uniform(rng, (0.45, 0.7)), uniform(rng, (0.6, 1.2))
+    high, deep, wide = rng.uniform(0.4, 0.46), rng.uniform(0.45, 0.7), rng.uniform(0.6, 1.2)
     if chance(rng, 0.5):
-        cells = (Cell(1.0, Opening("open"), 0), Cell(0.9, Opening("drawer")))
+        cells = (Cell(1.0, OPEN, 0), Cell(0.9, DRAWER))
         count = 1 + (wide > 0.9)
-        base = CabinetBase("legs", 0.1, 0.02, integer(rng, 0, 3))
+        base = Footing("legs", 0.1, 0.02, integer(rng, 0, 3))
         piece = cabinet(
             rng,
             "coffee table",
@@ -129,6 +199,9 @@ def coffee_table(rng: np.random.Generator, style: Style) -> list[Piece]:
             base,
         )
         return [piece.moved(at(-deep / 2, 0))]
-    body = objects.coffee_table(wide, deep)
+    x, y = deep / 2, wide / 2
+    legs = posts((-x, x - 0.05), (-y, y - 0.05), (0, 0.39), 0.05, objects.OAK, WOOD)
+    shelf = box((-x + 0.02, x - 0.02), (-y + 0.02, y - 0.02), (0.14, 0.16), objects.OAK, WOOD)
+    body = Piece("coffee table", join(*legs, shelf, box((-x, x), (-y, y), (0.39, 0.42), objects.OAK, WOOD)))
     board = Board((0.03 - deep / 2, deep / 2 - 0.03), (0.03 - wide / 2, wide / 2 - 0.03), 0.42, 0.4)
     return [replace(body, contents=clutter.fill(rng, board, "bedroom", integer(rng, 1, 4)))]

@@ -16,7 +16,7 @@ from s2a.homes.clutter import Board
 from s2a.homes.draw import chance, integer
 from s2a.homes.fronts import BOTTOM, LEFT, RIGHT, TOP, Opening, Side, Style, cabinet_body, hinged
 from s2a.homes.grips import GripDesign, upright
-from s2a.homes.solids import Piece, Surface, at, box, join
+from s2a.homes.solids import Piece, Surface, at, box, join, posts
 from s2a.scene.scene import Joint
 
 HANDLE_HEIGHT = 1.05
@@ -228,7 +228,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class CabinetBase:
+class Footing:
     """The base and the top board of a cabinet.
 
     Attributes:
@@ -255,9 +255,9 @@ def cabinet(
     rng: np.random.Generator,
     name: str,
     size: tuple[float, float, float],
-    columns: tuple[Column, ...],
+    columns: tuple[Column, ...] | tuple[Cell, ...],
     style: Style,
-    base: CabinetBase,
+    base: Footing,
 ) -> Piece:
     """Return a cabinet with its fronts, and with what stands in and on it.
 
@@ -265,20 +265,22 @@ def cabinet(
         rng: how askew its fronts hang, and what is in it.
         name: what it is called.
         size: depth with fronts but without handles, width and height [m].
-        columns: from right to left, as y grows.
+        columns: from right to left, as y grows; of a single column its cells alone.
         style: materials, handles, reveals.
         base: what carries and covers it.
     """
     depth, width, height = size
     deep, span = depth - style.thick - 0.002, (base.height, height - base.cap)
-    edges = np.cumsum([0.0, *(c.weight for c in columns)]) / sum(c.weight for c in columns) * width - width / 2
+    cells = tuple(c for c in columns if isinstance(c, Cell))
+    parts = (Column(1.0, cells),) if cells else tuple(c for c in columns if isinstance(c, Column))
+    edges = np.cumsum([0.0, *(c.weight for c in parts)]) / sum(c.weight for c in parts) * width - width / 2
     shell = cabinet_body((deep, width, span[1] - span[0]), style.board, *style.paint)
     boards = [board.moved(at(deep, 0, span[0])) for board in (shell[:4] if base.open_top else shell)]
     boards += [box((0, deep), (y - style.board / 2, y + style.board / 2), span, *style.paint) for y in edges[1:-1]]
     boards += _base(size, style, base)
     fronts: list[Piece] = []
     contents: list[Piece] = []
-    for left, right, each in zip(edges[:-1], edges[1:], columns, strict=True):
+    for left, right, each in zip(edges[:-1], edges[1:], parts, strict=True):
         inner = (left + style.board * (0.5 + (left == edges[0])), right - style.board * (0.5 + (right == edges[-1])))
         for z, cell, divided in _levels(each, span):
             # The lowest board lies within its cell, those between cells half in each.
@@ -327,7 +329,7 @@ def _interior(
     return surfaces, things
 
 
-def _base(size: tuple[float, float, float], style: Style, base: CabinetBase) -> list[Surface]:
+def _base(size: tuple[float, float, float], style: Style, base: Footing) -> list[Surface]:
     """Return plinth or legs, and the top board."""
     depth, half, height = size[0], size[1] / 2, size[2]
     boards = []
@@ -337,9 +339,6 @@ def _base(size: tuple[float, float, float], style: Style, base: CabinetBase) -> 
         boards.append(box((0.02, depth - 0.05), (-half + 0.001, half - 0.001), (0, base.height), style.dark))
     elif base.kind == "legs":
         wide = min(0.045, size[1] / 8)
-        boards += [
-            box((x, x + wide), (y, y + wide), (0, base.height), style.dark)
-            for x in (0.02, depth - style.thick - 0.03 - wide)
-            for y in (0.02 - half, half - 0.02 - wide)
-        ]
+        x, y = (0.02, depth - style.thick - 0.03 - wide), (0.02 - half, half - 0.02 - wide)
+        boards += posts(x, y, (0, base.height), wide, style.dark)
     return boards

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.homes import household, objects
-from s2a.homes.draw import integer, pick, uniform
+from s2a.homes.draw import integer, pick, random_color
 from s2a.homes.objects import SPINES
-from s2a.homes.solids import FABRIC, WOOD, Color, Piece, at, box, cylinder, join, lathe
+from s2a.homes.solids import FABRIC, WOOD, Piece, at, box, cylinder, join, lathe
 
 Maker = Callable[[np.random.Generator], Piece]
 MARGIN = 0.008
@@ -34,32 +34,27 @@ class Board:
     headroom: float
 
 
-def _color(rng: np.random.Generator) -> Color:
-    red, green, blue = rng.integers(50, 225, 3).tolist()
-    return (red, green, blue)
-
-
 def carton(rng: np.random.Generator) -> Piece:
     """Return a small cardboard box."""
-    return objects.carton((uniform(rng, (0.1, 0.26)), uniform(rng, (0.12, 0.34)), uniform(rng, (0.06, 0.24))))
+    return objects.carton((rng.uniform(0.1, 0.26), rng.uniform(0.12, 0.34), rng.uniform(0.06, 0.24)))
 
 
 def notebook(rng: np.random.Generator) -> Piece:
     """Return a notebook or folder that lies."""
-    x, y = uniform(rng, (0.07, 0.11)), uniform(rng, (0.09, 0.155))
-    return Piece("notebook", box((-x, x), (-y, y), (0, uniform(rng, (0.008, 0.03))), _color(rng)))
+    x, y = rng.uniform(0.07, 0.11), rng.uniform(0.09, 0.155)
+    return Piece("notebook", box((-x, x), (-y, y), (0, rng.uniform(0.008, 0.03)), random_color(rng, 50, 225)))
 
 
 def case(rng: np.random.Generator) -> Piece:
     """Return a small plastic case."""
-    x, y = uniform(rng, (0.03, 0.08)), uniform(rng, (0.04, 0.11))
-    return Piece("box", box((-x, x), (-y, y), (0, uniform(rng, (0.025, 0.07))), _color(rng)))
+    x, y = rng.uniform(0.03, 0.08), rng.uniform(0.04, 0.11)
+    return Piece("box", box((-x, x), (-y, y), (0, rng.uniform(0.025, 0.07)), random_color(rng, 50, 225)))
 
 
 def can(rng: np.random.Generator) -> Piece:
     """Return a tin can or paint pot."""
-    radius = uniform(rng, (0.03, 0.08))
-    return Piece("can", cylinder(radius, uniform(rng, (0.9, 2.4)) * radius, _color(rng)))
+    radius = rng.uniform(0.03, 0.08)
+    return Piece("can", cylinder(radius, rng.uniform(0.9, 2.4) * radius, random_color(rng, 50, 225)))
 
 
 def cutlery(rng: np.random.Generator) -> Piece:
@@ -73,21 +68,21 @@ def cutlery(rng: np.random.Generator) -> Piece:
 
 def tool_box(rng: np.random.Generator) -> Piece:
     """Return a tool box with a grip."""
-    x, y, z = uniform(rng, (0.09, 0.12)), uniform(rng, (0.17, 0.26)), uniform(rng, (0.12, 0.2))
+    x, y, z = rng.uniform(0.09, 0.12), rng.uniform(0.17, 0.26), rng.uniform(0.12, 0.2)
     grip = box((-0.012, 0.012), (-0.07, 0.07), (z, z + 0.02), (40, 40, 44))
     return Piece("tool box", join(box((-x, x), (-y, y), (0, z), pick(rng, ((170, 40, 36), (40, 70, 120)))), grip))
 
 
 def crate(rng: np.random.Generator) -> Piece:
     """Return a closed storage crate with a lid."""
-    x, y, z = uniform(rng, (0.1, 0.17)), uniform(rng, (0.12, 0.25)), uniform(rng, (0.1, 0.22))
-    lid = box((-x - 0.006, x + 0.006), (-y - 0.006, y + 0.006), (z, z + 0.012), _color(rng))
-    return Piece("crate", join(box((-x, x), (-y, y), (0, z), _color(rng)), lid))
+    x, y, z = rng.uniform(0.1, 0.17), rng.uniform(0.12, 0.25), rng.uniform(0.1, 0.22)
+    lid = box((-x - 0.006, x + 0.006), (-y - 0.006, y + 0.006), (z, z + 0.012), random_color(rng, 50, 225))
+    return Piece("crate", join(box((-x, x), (-y, y), (0, z), random_color(rng, 50, 225)), lid))
 
 
 def pot_plant(rng: np.random.Generator) -> Piece:
     """Return a small plant in a pot."""
-    return objects.plant(rng, uniform(rng, (0.18, 0.34)))
+    return objects.plant(rng, rng.uniform(0.18, 0.34))
 
 
 def pile(rng: np.random.Generator) -> Piece:
@@ -97,10 +92,10 @@ def pile(rng: np.random.Generator) -> Piece:
 
 def row(rng: np.random.Generator) -> Piece:
     """Return a row of upright books or binders, as one object; its spines face +x."""
-    tall, deep, colors = uniform(rng, (0.17, 0.3)), uniform(rng, (0.12, 0.19)), [pick(rng, SPINES) for _ in range(12)]
+    tall, deep, colors = rng.uniform(0.17, 0.3), rng.uniform(0.12, 0.19), [pick(rng, SPINES) for _ in range(12)]
     spines, y = [], 0.0
     for color in colors[: integer(rng, 4, 12)]:
-        thick, lower = uniform(rng, (0.014, 0.06)), uniform(rng, (0.0, 0.03))
+        thick, lower = rng.uniform(0.014, 0.06), rng.uniform(0.0, 0.03)
         spines.append(box((-deep, -lower), (y, y + thick), (0, tall - lower), color))
         y += thick + 0.001
     return Piece("books", join(*spines))
@@ -108,9 +103,9 @@ def row(rng: np.random.Generator) -> Piece:
 
 def vase(rng: np.random.Generator) -> Piece:
     """Return an empty vase."""
-    r, h = uniform(rng, (0.03, 0.07)), uniform(rng, (0.1, 0.3))
+    r, h = rng.uniform(0.03, 0.07), rng.uniform(0.1, 0.3)
     profile = [(0, 0), (0.6 * r, 0), (r, 0.4 * h), (0.4 * r, 0.8 * h), (0.55 * r, h), (0.45 * r, h), (0.3 * r, 0.8 * h)]
-    return Piece("vase", lathe([*profile, (0, 0.75 * h)], _color(rng)))
+    return Piece("vase", lathe([*profile, (0, 0.75 * h)], random_color(rng, 50, 225)))
 
 
 def towels(rng: np.random.Generator) -> Piece:
@@ -125,12 +120,12 @@ def folded(rng: np.random.Generator) -> Piece:
 
 def bottle(rng: np.random.Generator) -> Piece:
     """Return a bottle."""
-    return household.bottle(rng, uniform(rng, (0.14, 0.32)))
+    return household.bottle(rng, rng.uniform(0.14, 0.32))
 
 
 def soap(rng: np.random.Generator) -> Piece:
     """Return a soap dispenser."""
-    return household.bottle(rng, uniform(rng, (0.15, 0.2)), "soap dispenser")
+    return household.bottle(rng, rng.uniform(0.15, 0.2), "soap dispenser")
 
 
 def shoes(rng: np.random.Generator) -> Piece:
@@ -140,7 +135,7 @@ def shoes(rng: np.random.Generator) -> Piece:
 
 def basket(rng: np.random.Generator) -> Piece:
     """Return an open wicker basket."""
-    x, y, z = uniform(rng, (0.1, 0.16)), uniform(rng, (0.12, 0.2)), uniform(rng, (0.1, 0.2))
+    x, y, z = rng.uniform(0.1, 0.16), rng.uniform(0.12, 0.2), rng.uniform(0.1, 0.2)
     walls = [
         box((-x, x), (-y, y), (0, 0.01), (176, 144, 98), FABRIC),
         *(box((s, s + 0.01), (-y, y), (0.01, z), (176, 144, 98), FABRIC) for s in (-x, x - 0.01)),
@@ -158,31 +153,23 @@ THEMES: dict[str, tuple[Maker, ...]] = {
         objects.cup,
         can,
         carton,
-        lambda r: household.bowl(uniform(r, (0.08, 0.13)), _color(r)),
+        lambda r: household.bowl(r.uniform(0.08, 0.13), random_color(r, 50, 225)),
     ),
     "pantry": (household.jar, can, bottle, carton, basket),
-    "cutlery": (cutlery, case, lambda r: household.plate(uniform(r, (0.08, 0.12)))),
+    "cutlery": (cutlery, case, lambda r: household.plate(r.uniform(0.08, 0.12))),
     "bath": (bottle, soap, towels, household.tissue_box, household.toothbrush_cup, can),
     "toiletries": (case, can, case),
     "linen": (towels, folded, basket),
     "clothes": (folded, folded, carton, shoes),
     "bedroom": (
         pile,
-        lambda r: objects.candle(uniform(r, (0.05, 0.15))),
+        lambda r: objects.candle(r.uniform(0.05, 0.15)),
         lambda r: objects.alarm_clock(),
         objects.photo,
         vase,
         case,
     ),
-    "living": (
-        row,
-        pile,
-        vase,
-        objects.photo,
-        lambda r: objects.candle(uniform(r, (0.05, 0.2))),
-        pot_plant,
-        objects.bowl,
-    ),
+    "living": (row, pile, vase, objects.photo, lambda r: objects.candle(r.uniform(0.05, 0.2)), pot_plant, objects.bowl),
     "dishes": (vase, objects.bowl, bottle, lambda r: household.plate(0.11), objects.cup),
     "tools": (tool_box, can, crate, carton, case),
     "shoes": (shoes, carton, basket),
@@ -204,7 +191,7 @@ def fill(rng: np.random.Generator, board: Board, theme: str, count: int) -> tupl
     taken: list[np.ndarray] = []
     for _ in range(count if THEMES[theme] else 0):
         thing = pick(rng, THEMES[theme])(rng)
-        thing = thing.moved(at(0, 0, 0, uniform(rng, (-12, 12)) + 90 * (thing.name == "cutlery")))
+        thing = thing.moved(at(0, 0, 0, rng.uniform(-12, 12) + 90 * (thing.name == "cutlery")))
         spot = _spot(rng, thing, board, taken)
         if spot is not None:
             placed.append(thing.moved(spot))

@@ -7,13 +7,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from s2a.homes.solids import Color
+
 Item = TypeVar("Item")
 Range = tuple[float, float]
-
-
-def uniform(rng: np.random.Generator, span: Range) -> float:
-    """Return a number from a range."""
-    return float(rng.uniform(*span))
 
 
 def chance(rng: np.random.Generator, probability: float) -> bool:
@@ -30,6 +27,12 @@ def weighted(rng: np.random.Generator, options: Mapping[Item, float]) -> Item:
     """Return one of several options, each as probable as its weight."""
     weights = np.array(list(options.values()), float)
     return list(options)[int(rng.choice(len(weights), p=weights / weights.sum()))]
+
+
+def random_color(rng: np.random.Generator, low: int, high: int) -> Color:
+    """Return a colour whose three channels are each at least `low` and below `high`."""
+    red, green, blue = rng.integers(low, high, 3).tolist()
+    return red, green, blue
 
 
 def integer(rng: np.random.Generator, low: int, high: int) -> int:

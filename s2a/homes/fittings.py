@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.homes import clutter, fronts, grips, objects
-from s2a.homes.draw import chance, integer, pick, uniform
+from s2a.homes.draw import chance, integer, pick
 from s2a.homes.floor_plan import Crowded, FloorPlan
 from s2a.homes.fronts import BOTTOM, LEFT, RIGHT, Palette, hinged
 from s2a.homes.grips import QUARTER, upright
@@ -27,13 +27,13 @@ GLASS: Color = (120, 150, 165)
 
 def lever(rng: np.random.Generator, side: int, color: Color) -> Piece:
     """Return a lever on a plate or a rose that points along y to a side (+1 or -1)."""
-    length, thick, gap = uniform(rng, (0.1, 0.15)), uniform(rng, (0.012, 0.02)), uniform(rng, (0.036, 0.05))
+    length, thick, gap = rng.uniform(0.1, 0.15), rng.uniform(0.012, 0.02), rng.uniform(0.036, 0.05)
     turn = rotation((0, QUARTER, 0))
-    half, low = uniform(rng, (0.019, 0.026)), uniform(rng, (0.08, 0.16))
+    half, low = rng.uniform(0.019, 0.026), rng.uniform(0.08, 0.16)
     plate = box((0, 0.008), (-half, half), (-low, 0.06), color)
     shield = cylinder(0.026, 0.01, color).moved(turn) if chance(rng, 0.5) else plate
     neck = cylinder(0.009, gap + thick / 2, color).moved(turn)
-    wide = uniform(rng, (0.016, 0.026))
+    wide = rng.uniform(0.016, 0.026)
     rod = prism(stadium(length, wide), (gap, gap + thick), color).moved(at(0, side * (length / 2 - wide / 2)))
     facts = {"family": "lever", "length": length, "width": wide, "depth": thick, "clearance": gap}
     return Piece("handle base", shield, (Piece("handle", join(neck, rod), style="lever", facts=facts),))
@@ -42,16 +42,16 @@ def lever(rng: np.random.Generator, side: int, color: Color) -> Piece:
 def room_door(rng: np.random.Generator, width: float, height: float, colors: tuple[Color, Color, Color]) -> Piece:
     """Return a door in its frame that opens into the room; colours of the frame, the leaf and the metal."""
     paint, wood, metal = colors
-    half, jamb = width / 2, uniform(rng, (0.05, 0.07))
+    half, jamb = width / 2, rng.uniform(0.05, 0.07)
     frame = [box((-0.1, 0.014), (y, y + jamb), (0, height), paint) for y in (-half, half - jamb)]
     head = box((-0.1, 0.014), (-half + jamb, half - jamb), (height - jamb, height), paint)
-    size = (uniform(rng, (0.036, 0.044)), width - 2 * jamb - 0.01, height - jamb - 0.013)
+    size = (rng.uniform(0.036, 0.044), width - 2 * jamb - 0.01, height - jamb - 0.013)
     side = pick(rng, (LEFT, RIGHT))
-    at_hand = uniform(rng, (0.95, 1.08)) - size[2] / 2
-    grip = lever(rng, side[0], metal).moved(at(0, -side[0] * (size[1] / 2 - uniform(rng, (0.055, 0.08))), at_hand))
+    at_hand = rng.uniform(0.95, 1.08) - size[2] / 2
+    grip = lever(rng, side[0], metal).moved(at(0, -side[0] * (size[1] / 2 - rng.uniform(0.055, 0.08)), at_hand))
     panel = pick(rng, ("slab", "slab", "framed", "grooved", "glazed"))
-    shape = fronts.front(panel, size, wood, WOOD, uniform(rng, (0.1, 0.15)))
-    leaf = hinged("door", shape, side, grip, angle=uniform(rng, (1.3, 1.6)))
+    shape = fronts.front(panel, size, wood, WOOD, rng.uniform(0.1, 0.15))
+    leaf = hinged("door", shape, side, grip, angle=rng.uniform(1.3, 1.6))
     # The leaf stands 4 mm before the wall's face: its edges pass the jambs.
     return Piece("door frame", join(*frame, head), (leaf.tilted(rng, 0.1).moved(at(0.02, 0, 0.008 + size[2] / 2)),))
 
@@ -66,10 +66,10 @@ def sliding_door(rng: np.random.Generator, width: float, height: float, colors: 
     )
     shape = fronts.front(pick(rng, ("slab", "framed", "grooved")), (0.036, wide, high), wood, WOOD, 0.12)
     grip = grips.design(rng, "bar", "rail", "square", "bow", color=metal)
-    grip = replace(grip, length=uniform(rng, (0.16, 0.5)))
+    grip = replace(grip, length=rng.uniform(0.16, 0.5))
     pull = upright(grips.make(grip)).moved(at(0, -side * (wide / 2 - 0.06), 1.02 - high / 2))
     joint = Joint(
-        "prismatic", (0.0, float(side), 0.0), (0.0, 0.0, 0.0), (0.0, round(uniform(rng, (0.8, 0.98)) * width, 4))
+        "prismatic", (0.0, float(side), 0.0), (0.0, 0.0, 0.0), (0.0, round(rng.uniform(0.8, 0.98) * width, 4))
     )
     leaf = Piece("sliding door", shape, (pull,), joint)
     return Piece("door frame", rail, (leaf.moved(at(0.048, 0, 0.006 + high / 2)),))
@@ -98,16 +98,16 @@ def _sash(
     rng: np.random.Generator, wide: float, height: float, side: tuple[int, int], paint: Color, metal: Color
 ) -> Piece:
     """Return a glazed sash with its lever."""
-    high, rail = height - 0.07, uniform(rng, (0.055, 0.075))
+    high, rail = height - 0.07, rng.uniform(0.055, 0.075)
     frame = ring(wide, high, rail, (-0.045, 0.0), paint).moved(at(0, 0, -high / 2))
     pane = box(
         (-0.036, -0.026), (-wide / 2 + rail, wide / 2 - rail), (-high / 2 + rail, high / 2 - rail), GLASS, dropout=0.8
     )
     if side is BOTTOM:
-        grip, limit = lever(rng, 1, metal).moved(at(0, 0, high / 2 - 0.04)), uniform(rng, (0.15, 0.3))
+        grip, limit = lever(rng, 1, metal).moved(at(0, 0, high / 2 - 0.04)), rng.uniform(0.15, 0.3)
     else:
         grip = upright(lever(rng, -1, metal)).moved(at(0, -side[0] * (wide / 2 - rail / 2), 0))
-        limit = uniform(rng, (1.2, 1.57))
+        limit = rng.uniform(1.2, 1.57)
     grip = replace(grip, surface=box((0, 0.006), (-0.015, 0.015), (-0.035, 0.035), metal).moved(grip.pose))
     leaf = hinged("window", join(frame, pane), side, grip, angle=limit)
     return leaf.moved(at(0.022, 0, height / 2))
@@ -137,7 +137,7 @@ def doors(plan: FloorPlan, colors: Palette, count: int) -> Holes:
     finish = (pick(plan.rng, PAINTS), pick(plan.rng, (colors.wood, colors.paint, PAINTS[0])), colors.metal)
     for _ in range(count):
         make = sliding_door if chance(plan.rng, 0.12) else room_door
-        size = (uniform(plan.rng, (0.74, 1.05)), uniform(plan.rng, (2.02, 2.16)))
+        size = (plan.rng.uniform(0.74, 1.05), plan.rng.uniform(2.02, 2.16))
         piece = make(plan.rng, *size, finish)
         _open_wall(plan, holes, piece, size, 0.0, plan.room.size[2] - 0.1)
     return holes
@@ -147,8 +147,8 @@ def windows(plan: FloorPlan, colors: Palette, holes: Holes, count: int) -> None:
     """Place up to so many windows in walls and add their holes."""
     paint = pick(plan.rng, PAINTS)
     for _ in range(count):
-        low, high = uniform(plan.rng, (0.8, 1.15)), uniform(plan.rng, (0.8, 1.35))
-        size = (uniform(plan.rng, (0.6, 1.6)), min(high, plan.room.size[2] - low - 0.25))
+        low, high = plan.rng.uniform(0.8, 1.15), plan.rng.uniform(0.8, 1.35)
+        size = (plan.rng.uniform(0.6, 1.6), min(high, plan.room.size[2] - low - 0.25))
         piece = window(plan.rng, *size, paint, pick(plan.rng, (colors.metal, PAINTS[0])))
         try:
             _open_wall(plan, holes, piece, size, low, plan.room.size[2] - 0.15)
@@ -164,7 +164,7 @@ def _open_wall(plan: FloorPlan, holes: Holes, piece: Piece, size: tuple[float, f
         half = size[0] / 2
         if side.length < size[0] + 2 * CORNER or low + size[1] > min(top, side.height - 0.1) or _is_gable(plan, index):
             continue
-        y = uniform(plan.rng, (half + CORNER, side.length - half - CORNER))
+        y = plan.rng.uniform(half + CORNER, side.length - half - CORNER)
         hole = (y - half, y + half, low, low + size[1])
         others = holes.setdefault(index, [])
         if any(hole[0] - 0.1 < other[1] and other[0] - 0.1 < hole[1] for other in others):
@@ -191,23 +191,23 @@ def hang(plan: FloorPlan, count: int, work: bool = False) -> None:
         kind = pick(
             rng, ("picture", "picture", "picture", "clock", "mirror", "shelf", "whiteboard" if work else "picture")
         )
-        z = uniform(rng, (1.2, 1.5))
+        z = rng.uniform(1.2, 1.5)
         if kind == "picture":
-            piece = objects.picture(rng, uniform(rng, (0.25, 0.9)), uniform(rng, (0.25, 0.7)))
+            piece = objects.picture(rng, rng.uniform(0.25, 0.9), rng.uniform(0.25, 0.7))
         elif kind == "mirror":
-            piece, z = objects.mirror(uniform(rng, (0.35, 0.8)), uniform(rng, (0.5, 1.1))), uniform(rng, (0.8, 1.1))
+            piece, z = objects.mirror(rng.uniform(0.35, 0.8), rng.uniform(0.5, 1.1)), rng.uniform(0.8, 1.1)
         elif kind == "clock":
-            piece, z = objects.clock(), uniform(rng, (1.75, 2.0))
+            piece, z = objects.clock(), rng.uniform(1.75, 2.0)
         elif kind == "shelf":
-            piece, z = _shelf(rng), uniform(rng, (1.15, 1.6))
+            piece, z = _shelf(rng), rng.uniform(1.15, 1.6)
         else:
-            piece, z = objects.whiteboard(uniform(rng, (0.9, 1.8)), uniform(rng, (0.6, 1.0))), uniform(rng, (0.9, 1.1))
+            piece, z = objects.whiteboard(rng.uniform(0.9, 1.8), rng.uniform(0.6, 1.0)), rng.uniform(0.9, 1.1)
         plan.against([piece.moved(at(0, 0, z))], gap=0.001, askew=0.0)
 
 
 def _shelf(rng: np.random.Generator) -> Piece:
     """Return a wall shelf with things on it, one object."""
-    width = uniform(rng, (0.4, 1.1))
+    width = rng.uniform(0.4, 1.1)
     board = clutter.Board((0.02, 0.21), (0.02 - width / 2, width / 2 - 0.02), 0.0, 0.35)
     things = clutter.fill(rng, board, pick(rng, ("living", "bedroom", "office")), integer(rng, 1, 4))
     shelf = objects.wall_shelf(width)
@@ -221,11 +221,11 @@ def lamps(plan: FloorPlan) -> None:
         x, y = plan.rng.uniform((0.3 * width, 0.3 * depth), (0.7 * width, 0.7 * depth))
         low = chance(plan.rng, 0.5) and height > 2.45
         lamp = (
-            objects.pendant_lamp(uniform(plan.rng, (0.15, 0.3)), uniform(plan.rng, (0.12, 0.2)))
+            objects.pendant_lamp(plan.rng.uniform(0.15, 0.3), plan.rng.uniform(0.12, 0.2))
             if low
             else objects.ceiling_lamp()
         )
-        if plan.put([lamp], at(x, y, height - 0.001, uniform(plan.rng, (0, 90)))):
+        if plan.put([lamp], at(x, y, height - 0.001, plan.rng.uniform(0, 90))):
             return
 
 
@@ -246,9 +246,9 @@ def floor_objects(plan: FloorPlan, kinds: Sequence[str], count: int) -> None:
 def _floor_thing(rng: np.random.Generator, kind: str) -> Piece:
     """Return a thing that stands on floors."""
     if kind == "plant":
-        return objects.plant(rng, uniform(rng, (0.5, 1.3)))
+        return objects.plant(rng, rng.uniform(0.5, 1.3))
     if kind == "box":
-        return objects.carton((uniform(rng, (0.25, 0.4)), uniform(rng, (0.3, 0.5)), uniform(rng, (0.2, 0.4))))
+        return objects.carton((rng.uniform(0.25, 0.4), rng.uniform(0.3, 0.5), rng.uniform(0.2, 0.4)))
     makers = {"bag": objects.bag, "chair": lambda r: objects.chair(), "basket": clutter.basket, "crate": clutter.crate}
     makers |= {"shoes": clutter.shoes, "can": lambda r: objects.trash_can(), "lamp": lambda r: objects.floor_lamp()}
     makers |= {"tower": _tower, "tools": clutter.tool_box, "teddy": lambda r: objects.teddy()}
@@ -257,7 +257,7 @@ def _floor_thing(rng: np.random.Generator, kind: str) -> Piece:
 
 def _tower(rng: np.random.Generator) -> Piece:
     """Return a computer on the floor."""
-    x, y, z = uniform(rng, (0.18, 0.24)), uniform(rng, (0.08, 0.11)), uniform(rng, (0.35, 0.5))
+    x, y, z = rng.uniform(0.18, 0.24), rng.uniform(0.08, 0.11), rng.uniform(0.35, 0.5)
     front = box((x, x + 0.003), (-0.6 * y, 0.6 * y), (0.6 * z, 0.9 * z), (70, 72, 78))
     return Piece("computer tower", join(box((-x, x), (-y, y), (0, z), (40, 40, 44)), front))
 
@@ -266,7 +266,7 @@ def sockets(plan: FloorPlan) -> None:
     """Place sockets low and switches at the height of a hand on the walls."""
     rng = plan.rng
     for _ in range(integer(rng, 2, 5)):
-        half, deep = 0.04 * integer(rng, 1, 2), uniform(rng, (0.008, 0.012))
+        half, deep = 0.04 * integer(rng, 1, 2), rng.uniform(0.008, 0.012)
         plate = box((0, deep), (-half, half), (-0.04, 0.04), (240, 240, 236))
         switch = chance(rng, 0.4)
         inner = box(
@@ -281,11 +281,11 @@ def sockets(plan: FloorPlan) -> None:
 
 def heater(plan: FloorPlan) -> None:
     """Place a radiator at a wall."""
-    plan.against([objects.heater(uniform(plan.rng, (0.5, 1.4)))], gap=0.002, askew=0.0)
+    plan.against([objects.heater(plan.rng.uniform(0.5, 1.4))], gap=0.002, askew=0.0)
 
 
 def rug(plan: FloorPlan, color: Color) -> None:
     """Lay a rug on free floor."""
     plan.anywhere(
-        [objects.rug(uniform(plan.rng, (1.0, 1.9)), uniform(plan.rng, (0.7, 1.3)), color, (206, 200, 188))], attempts=12
+        [objects.rug(plan.rng.uniform(1.0, 1.9), plan.rng.uniform(0.7, 1.3), color, (206, 200, 188))], attempts=12
     )

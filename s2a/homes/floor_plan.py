@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.homes.draw import uniform
 from s2a.homes.room import Outline, Side
 from s2a.homes.solids import Piece, at
 from s2a.scene.articulation import displace
@@ -190,7 +189,7 @@ class FloorPlan:
             side = walls[index]
             slack = side.length - (high[1] - low[1]) - 0.03
             for _ in range(attempts if slack > 0 else 0):
-                yaw = uniform(self.rng, (-askew, askew))
+                yaw = self.rng.uniform(-askew, askew)
                 away = gap - low[0] + abs(np.sin(np.radians(yaw))) * max(abs(low[1]), high[1])
                 # Corners are where furniture stands most often.
                 along = slack * float(np.clip(self.rng.uniform(-0.25, 1.25), 0.0, 1.0)) + 0.015 - low[1]
@@ -205,7 +204,7 @@ class FloorPlan:
         """Place a group anywhere on the floor, level with a wall, and return its pose, or None."""
         boxes = measured(pieces, stand)
         for _ in range(attempts):
-            yaw = 90.0 * int(self.rng.integers(4)) + uniform(self.rng, (-2, 2))
+            yaw = 90.0 * int(self.rng.integers(4)) + self.rng.uniform(-2, 2)
             x, y = self.rng.uniform((0.2, 0.2), np.array(self.room.size[:2]) - 0.2)
             pose = at(x, y, z, yaw)
             if self._take(pieces, boxes, pose):

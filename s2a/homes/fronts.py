@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.homes import grips
-from s2a.homes.draw import chance, pick, uniform, weighted
+from s2a.homes import draw, grips
+from s2a.homes.draw import chance, pick, weighted
 from s2a.homes.grips import QUARTER, GripDesign
 from s2a.homes.solids import PLAIN, WOOD, Color, Piece, Surface, at, box, join, rotation
 from s2a.scene.scene import Joint
@@ -39,6 +39,9 @@ class Opening:
     thick: float | None = None
     limit: float | None = None
     color: Color | None = None
+
+
+DRAWER, OPEN = Opening("drawer"), Opening("open")
 
 
 @dataclass(frozen=True)
@@ -138,10 +141,8 @@ class Palette:
 
 def random_palette(rng: np.random.Generator) -> Palette:
     """Return the colours of a home."""
-    red, green, blue = rng.integers(60, 200, 3).tolist()
-    return Palette(
-        _near(rng, pick(rng, WOODS)), _near(rng, pick(rng, PAINTS)), pick(rng, grips.METALS), (red, green, blue)
-    )
+    cloth = draw.random_color(rng, 60, 200)
+    return Palette(_near(rng, pick(rng, WOODS)), _near(rng, pick(rng, PAINTS)), pick(rng, grips.METALS), cloth)
 
 
 def random_style(
@@ -179,14 +180,14 @@ def random_style(
         drawer_panel=panel if panel in ("slab", "framed", "grooved") else "slab",
         grip=grip,
         door_grip=door_grip,
-        thick=uniform(rng, (0.016, 0.022)),
-        board=uniform(rng, (0.015, 0.02)),
-        gap=uniform(rng, (0.0032, 0.005)),
-        frame=uniform(rng, (0.05, 0.085)),
-        place=pick(rng, (0.0, 0.0, 0.5, 0.9, uniform(rng, (0, 1)))),
-        inset=uniform(rng, (0.03, 0.06)),
-        angle=float(np.radians(uniform(rng, (80, 110) if chance(rng, 0.5) else (86, 92)))),
-        extension=uniform(rng, (0.85, 1.0) if chance(rng, 0.6) else (0.62, 0.78)),
+        thick=rng.uniform(0.016, 0.022),
+        board=rng.uniform(0.015, 0.02),
+        gap=rng.uniform(0.0032, 0.005),
+        frame=rng.uniform(0.05, 0.085),
+        place=pick(rng, (0.0, 0.0, 0.5, 0.9, rng.uniform(0, 1))),
+        inset=rng.uniform(0.03, 0.06),
+        angle=float(np.radians(rng.uniform(*((80, 110) if chance(rng, 0.5) else (86, 92))))),
+        extension=rng.uniform(*((0.85, 1.0) if chance(rng, 0.6) else (0.62, 0.78))),
         soft_close=chance(rng, 0.5),
         theme=theme,
         top_theme=top,

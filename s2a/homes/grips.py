@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.homes.draw import Range, chance, pick, uniform, weighted
+from s2a.homes.draw import Range, chance, pick, weighted
 from s2a.homes.solids import Color, Piece, Surface, at, box, cylinder, join, lathe, painted, prism, rotation, stadium
 
 STEEL: Color = (158, 160, 164)
@@ -176,10 +176,10 @@ def design(rng: np.random.Generator, *families: str, color: Color | None = None)
     lengths, widths, depths, gaps = SIZES[family]
     # Short handles are more common than long ones.
     length = lengths[0] + (lengths[1] - lengths[0]) * float(rng.beta(1.3, 2.2))
-    depth = uniform(rng, depths)
-    width = depth if family == "rail" else uniform(rng, widths)
-    bend, sides = uniform(rng, (0.35, 0.75) if family == "knob" else (2.0, 5.0)), 4 if chance(rng, 0.2) else 24
-    return GripDesign(family, length, width, depth, uniform(rng, gaps), bend, sides, color or pick(rng, METALS))
+    depth = rng.uniform(*depths)
+    width = depth if family == "rail" else rng.uniform(*widths)
+    bend, sides = rng.uniform(*((0.35, 0.75) if family == "knob" else (2.0, 5.0))), 4 if chance(rng, 0.2) else 24
+    return GripDesign(family, length, width, depth, rng.uniform(*gaps), bend, sides, color or pick(rng, METALS))
 
 
 def make(grip: GripDesign) -> Piece:

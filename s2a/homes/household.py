@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from s2a.homes.fronts import TOP, cabinet_body, hinged, lid, open_box, panel
-from s2a.homes.grips import QUARTER, STEEL, bar, knob
+from s2a.homes.fronts import open_box
+from s2a.homes.grips import STEEL
 from s2a.homes.solids import (
     FABRIC,
     WOOD,
@@ -102,46 +102,8 @@ def counter(
     return Piece(name, join(*boards))
 
 
-BLACK, IRON, WHITE = (40, 40, 44), (66, 66, 72), (236, 234, 228)
+BLACK, WHITE = (40, 40, 44), (236, 234, 228)
 BRIGHT: tuple[Color, ...] = ((60, 110, 160), (190, 70, 60), (230, 180, 70), (80, 140, 110), (150, 90, 140))
-
-
-def bread_bin(rng: np.random.Generator) -> Piece:
-    """Return a bread bin, 0.38 m wide; its front lifts up about its upper edge by a knob."""
-    color = (178, 60, 48) if rng.uniform() < 0.5 else (90, 120, 130)
-    deep, wide, high = 0.25, 0.38, 0.2
-    body = join(*(board.moved(at(deep - 0.012, 0)) for board in cabinet_body((deep - 0.012, wide, high), 0.01, color)))
-    leaf = hinged(
-        "lid", panel((0.01, wide - 0.004, high - 0.006), color), TOP, knob(0.014, 0.026).moved(at(0, 0, -0.05))
-    )
-    return Piece("bread bin", body, (leaf.moved(at(deep, 0, high / 2)),))
-
-
-def lidded_bin(radius: float, height: float, color: Color) -> Piece:
-    """Return a round waste bin with a hinged lid and a pedal; its back is at x = -radius."""
-    wall = 0.006
-    body = lathe(
-        [(0, 0), (radius, 0), (radius, height), (radius - wall, height), (radius - wall, wall), (0, wall)], color
-    )
-    pedal = box((radius - 0.01, radius + 0.04), (-0.03, 0.03), (0.01, 0.022), BLACK)
-    cover = lathe([(0, -0.03), (radius, -0.03), (radius, -0.012), (0.8 * radius, 0), (0, 0)], color)
-    return Piece("trash can", join(body, pedal), (lid("trash can lid", cover).moved(at(0, 0, height + 0.032)),))
-
-
-def laundry_basket(rng: np.random.Generator) -> Piece:
-    """Return a wicker basket, 0.42 m wide and 0.62 m high, whose lid opens up by a bar; its back is at x = -0.17."""
-    size = (0.34, 0.42, 0.6)
-    color = (188, 158, 116)
-    slats = [
-        box((0.17, 0.174), (-0.21, 0.21), (z, z + 0.04), (160, 130, 92), FABRIC) for z in np.arange(0.05, 0.55, 0.1)
-    ]
-    grip = bar(0.12, 0.014, 0.012, 0.024, 0.012, BLACK).moved(at(0, 0, -0.12))
-    cover = box((-0.17, 0.17), (-0.21, 0.21), (-0.018, 0), color, WOOD)
-    return Piece(
-        "laundry basket",
-        join(open_box(size, 0.012, color, FABRIC), *slats),
-        (lid("lid", cover, grip).moved(at(0, 0, 0.621)),),
-    )
 
 
 def pot(radius: float, height: float) -> Piece:
@@ -180,32 +142,6 @@ def plate(radius: float) -> Piece:
     """Return a shallow plate."""
     profile = [(0, 0), (0.6 * radius, 0), (radius, 0.02), (radius, 0.024), (0.6 * radius, 0.006), (0, 0.006)]
     return Piece("plate", lathe(profile, WHITE))
-
-
-def knife_block() -> Piece:
-    """Return a slanted block with five knives in it."""
-    block = box((-0.06, 0.06), (-0.05, 0.05), (0, 0.2), (120, 82, 50), WOOD)
-    grips = [
-        box((x, x + 0.02), (y, y + 0.014), (0.2, 0.29), BLACK) for x in (-0.04, 0.015) for y in (-0.035, 0.0, 0.024)
-    ]
-    return Piece("knife block", join(block, *grips[:5]))
-
-
-def paper_roll(radius: float, height: float, name: str) -> Piece:
-    """Return an upright roll of paper on a foot with a rod through it."""
-    foot, rod = cylinder(1.2 * radius, 0.012, CHROME), cylinder(0.008, height + 0.05, CHROME)
-    return Piece(name, join(foot, rod, cylinder(radius, height, WHITE, FABRIC).moved(at(0, 0, 0.013))))
-
-
-def dish_rack() -> Piece:
-    """Return a draining rack with four plates in it."""
-    rods = [pipe([(-0.15, y, z), (0.15, y, z)], 0.005, CHROME, 8) for y in (-0.17, 0.17) for z in (0.015, 0.1)] + [
-        pipe([(x, -0.17, 0.015), (x, 0.17, 0.015)], 0.005, CHROME, 8) for x in (-0.15, -0.075, 0.0, 0.075, 0.15)
-    ]
-    posts = [pipe([(x, y, 0), (x, y, 0.1)], 0.005, CHROME, 8) for x in (-0.15, 0.15) for y in (-0.17, 0.17)]
-    upright = rotation((QUARTER - 0.15, 0.0, 0.0))
-    plates = [plate(0.11).surface.moved(at(0, y, 0.128) @ upright) for y in (-0.12, -0.06, 0.0, 0.06)]
-    return Piece("dish rack", join(*rods, *posts, *plates))
 
 
 def mat(rng: np.random.Generator, depth: float, width: float, name: str) -> Piece:
@@ -274,16 +210,3 @@ def tissue_box(rng: np.random.Generator) -> Piece:
     carton = box((-0.06, 0.06), (-0.115, 0.115), (0, 0.08), BRIGHT[rng.integers(len(BRIGHT))])
     tissue = lathe([(0.045, 0.08), (0.01, 0.13), (0, 0.08)], WHITE, FABRIC, sides=7, squeeze=1.5)
     return Piece("tissue box", join(carton, tissue))
-
-
-def wall_lamp(width: float) -> Piece:
-    """Return a lamp, long along y, on a plate at the wall x = 0."""
-    tube = cylinder(0.03, width, (250, 248, 238)).moved(at(0.08, -width / 2) @ rotation((-QUARTER, 0, 0)))
-    return Piece(
-        "wall lamp",
-        join(
-            box((0, 0.02), (-0.06, 0.06), (-0.03, 0.03), CHROME),
-            tube,
-            box((0.02, 0.06), (-0.02, 0.02), (-0.01, 0.01), CHROME),
-        ),
-    )

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from s2a.homes.draw import chance, integer, pick, uniform
+from s2a.homes.draw import chance, integer, pick
 from s2a.homes.solids import PLAIN, Color, Piece, Surface, at, box, join, painted, rotation, translation
 from s2a.scene.scene import Part, Scene
 
@@ -168,19 +168,19 @@ def outline(rng: np.random.Generator, area: tuple[float, float], height: tuple[f
         height: of the ceiling from, to [m].
         plain: probability of a rectangle.
     """
-    floor, ratio = uniform(rng, area), uniform(rng, (1.0, 1.65))
+    floor, ratio = rng.uniform(*area), rng.uniform(1.0, 1.65)
     width, depth = (floor * ratio) ** 0.5, (floor / ratio) ** 0.5
     if chance(rng, 0.5):
         width, depth = depth, width
-    high = uniform(rng, height)
+    high = rng.uniform(*height)
     if chance(rng, plain) or min(width, depth) < 2.3:
-        slope = (integer(rng, 0, 3), uniform(rng, (1.0, 1.6)), uniform(rng, (0.7, 1.3))) if chance(rng, 0.25) else None
+        slope = (integer(rng, 0, 3), rng.uniform(1.0, 1.6), rng.uniform(0.7, 1.3)) if chance(rng, 0.25) else None
         return Outline((width, depth, high), (), slope if min(width, depth) > 2.8 else None)
     # What is cut off is given back.
-    grow = uniform(rng, (1.04, 1.1))
+    grow = rng.uniform(1.04, 1.1)
     width, depth = width * grow, depth * grow
     first = integer(rng, 0, 3)
-    a, b = width * uniform(rng, (0.15, 0.4)), depth * uniform(rng, (0.15, 0.4))
+    a, b = width * rng.uniform(0.15, 0.4), depth * rng.uniform(0.15, 0.4)
     if chance(rng, 0.7):
         return Outline((width, depth, high), ((first, a, b),))
     second = (first + 1) % 4  # an alcove between two notches of the same depth

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,16 +11,63 @@ from s2a.homes import beds, clutter, fittings, household, objects, sanitary, sto
 from s2a.homes import kitchen as units
 from s2a.homes import office as furniture
 from s2a.homes.clutter import Board
-from s2a.homes.draw import chance, integer, pick, uniform
+from s2a.homes.draw import chance, integer, pick, random_color
 from s2a.homes.floor_plan import FloorPlan
 from s2a.homes.fronts import Palette, Style, random_palette, random_style
 from s2a.homes.kitchen import Fitted, fitted
 from s2a.homes.solids import Piece, at
-from s2a.homes.storage import sliding_wardrobe
 
-STAND = 1.0
-"""[m] Free floor before furniture that opens."""
-Labels = tuple[str, ...]
+STAND, WASH_STAND, HALL_STAND = 1.0, 0.9, 0.85
+"""[m] Free floor before furniture that opens: in most rooms, where people wash, in hallways."""
+Family = Callable[[np.random.Generator, Style], Piece]
+
+
+def _need(
+    plan: FloorPlan,
+    pieces: list[Piece],
+    stand: float = STAND,
+    attempts: int = 14,
+    askew: float = 1.2,
+    gap: float = 0.008,
+) -> None:
+    """Place a group at a wall as `FloorPlan.against` does; raise Crowded where it has no place."""
+    plan.need(plan.against(pieces, stand, None, askew, gap, attempts))
+
+
+def _more(
+    plan: FloorPlan,
+    colors: Palette,
+    count: tuple[int, int],
+    families: Sequence[Family],
+    theme: str,
+    top: str,
+    drawers: str = "paper",
+    stand: float = STAND,
+) -> None:
+    """Place so many pieces, from and to, of any of some families; those that have no place are left out."""
+    rng = plan.rng
+    for _ in range(integer(rng, *count)):
+        plan.against([pick(rng, families)(rng, random_style(rng, colors, theme, top, drawers))], stand=stand)
+
+
+def _finish(
+    plan: FloorPlan,
+    hung: tuple[int, int],
+    kinds: Sequence[str],
+    count: tuple[int, int],
+    heater: bool = True,
+    work: bool = False,
+) -> None:
+    """Place a radiator, what hangs on the walls, and things of some kinds on the floor; numbers from and to."""
+    if heater:
+        fittings.heater(plan)
+    fittings.hang(plan, integer(plan.rng, *hung), work)
+    fittings.floor_objects(plan, kinds, integer(plan.rng, *count))
+
+
+def _rug(plan: FloorPlan, colors: Palette, probability: float) -> None:
+    if chance(plan.rng, probability):
+        fittings.rug(plan, colors.cloth)
 
 
 def living_room(plan: FloorPlan, colors: Palette) -> None:
@@ -27,23 +75,18 @@ def living_room(plan: FloorPlan, colors: Palette) -> None:
     rng = plan.rng
     _seats(plan, colors)
     bench = storage.tv_bench(rng, random_style(rng, colors, "living", "nothing", "paper"))
-    pieces = [_with_tv(rng, bench)]
-    plan.need(plan.against(pieces, stand=STAND, attempts=14))
+    _need(plan, [_with_tv(rng, bench)])
     families = (storage.sideboard, storage.vitrine, storage.shelf, storage.chest, storage.sideboard, storage.trunk)
-    for _ in range(integer(rng, 3, 6)):
-        plan.against([pick(rng, families)(rng, random_style(rng, colors, "living", "living", "paper"))], stand=STAND)
-    fittings.heater(plan)
-    fittings.hang(plan, integer(rng, 3, 7))
-    fittings.floor_objects(plan, ("plant", "lamp", "basket", "box", "bag", "plant"), integer(rng, 2, 7))
-    if chance(rng, 0.4):
-        fittings.rug(plan, colors.cloth)
+    _more(plan, colors, (3, 6), families, "living", "living", "paper")
+    _finish(plan, (3, 7), ("plant", "lamp", "basket", "box", "bag", "plant"), (2, 7))
+    _rug(plan, colors, 0.4)
 
 
 def _with_tv(rng: np.random.Generator, bench: Piece) -> Piece:
     """Return a TV bench with a TV on it instead of other things."""
     high, wide = (float(np.ptp(bench.surface.vertices[:, i])) for i in (2, 1))
-    tv = objects.tv(uniform(rng, (0.6, min(1.5, 1.05 * wide)))).moved(
-        at(0.22, uniform(rng, (-0.05, 0.05)) * wide, high + 0.0003)
+    tv = objects.tv(rng.uniform(0.6, min(1.5, 1.05 * wide))).moved(
+        at(0.22, rng.uniform(-0.05, 0.05) * wide, high + 0.0003)
     )
     inside = tuple(thing for thing in bench.contents if thing.surface.vertices[:, 2].min() < high - 0.01)
     return Piece(bench.name, bench.surface, bench.children, contents=(*inside, tv), facts=bench.facts)
@@ -55,21 +98,16 @@ def _seats(plan: FloorPlan, colors: Palette) -> None:
     sofa, width = beds.sofa(rng, colors.cloth)
     count = integer(rng, 0, 3)
     places = (np.arange(count) + 0.5) / max(count, 1) * (width - 0.7) - (width - 0.7) / 2
-    lean = [_pillow(rng).moved(at(0.62, y, 0.44)) for y in places]
+    lean = [objects.pillow((0.36, 0.36, 0.12), random_color(rng, 60, 230)).moved(at(0.62, y, 0.44)) for y in places]
     tables = beds.coffee_table(rng, random_style(rng, colors, "living", "bedroom", "paper"))
     deep = float(np.ptp(tables[0].surface.vertices[:, 0]))
-    before = at(0.9 + uniform(rng, (0.35, 0.45)) + deep / 2, uniform(rng, (-0.15, 0.15)), 0, 0)
+    before = at(0.9 + rng.uniform(0.35, 0.45) + deep / 2, rng.uniform(-0.15, 0.15), 0, 0)
     group = [sofa, *lean, *(table.moved(before) for table in tables)]
     if plan.against(group, stand=0.6, attempts=16) is None:
         plan.need(plan.against([sofa, *lean], attempts=16))
     if chance(rng, 0.5):
-        chair = objects.armchair(random_palette(rng).cloth).moved(at(0.9, 0))
+        chair = beds.armchair(random_palette(rng).cloth).moved(at(0.9, 0))
         plan.against([chair], askew=8, gap=0.15)
-
-
-def _pillow(rng: np.random.Generator) -> Piece:
-    red, green, blue = rng.integers(60, 230, 3).tolist()
-    return objects.pillow((0.36, 0.36, 0.12), (red, green, blue))
 
 
 def dining_room(plan: FloorPlan, colors: Palette) -> None:
@@ -77,29 +115,19 @@ def dining_room(plan: FloorPlan, colors: Palette) -> None:
     rng = plan.rng
     table = beds.dining(rng, random_style(rng, colors, "dishes", "dishes"))
     families = (storage.sideboard, storage.vitrine, storage.sideboard, storage.chest, storage.shelf)
-    first = storage.sideboard(rng, random_style(rng, colors, "dishes", "living", "cutlery"))
-    plan.need(plan.against([first], stand=STAND, attempts=14))
+    _need(plan, [storage.sideboard(rng, random_style(rng, colors, "dishes", "living", "cutlery"))])
     plan.need(plan.anywhere(table, attempts=80))
-    for _ in range(integer(rng, 2, 5)):
-        plan.against([pick(rng, families)(rng, random_style(rng, colors, "dishes", "living", "cutlery"))], stand=STAND)
-    fittings.heater(plan)
-    fittings.hang(plan, integer(rng, 2, 6))
-    fittings.floor_objects(plan, ("plant", "lamp", "chair", "basket", "box"), integer(rng, 1, 5))
+    _more(plan, colors, (2, 5), families, "dishes", "living", "cutlery")
+    _finish(plan, (2, 6), ("plant", "lamp", "chair", "basket", "box"), (1, 5))
 
 
 def hallway(plan: FloorPlan, colors: Palette) -> None:
     """Place shoe cabinets, a wardrobe, a bench, hooks."""
     rng = plan.rng
-    plan.need(
-        plan.against(
-            [storage.hall_cabinet(rng, random_style(rng, colors, "shoes", "living", "paper"))], stand=0.85, attempts=14
-        )
-    )
+    _need(plan, [storage.hall_cabinet(rng, random_style(rng, colors, "shoes", "living", "paper"))], HALL_STAND)
     families = (storage.hall_cabinet, storage.wardrobe, storage.trunk, storage.chest, storage.shelf, storage.nightstand)
-    for _ in range(integer(rng, 2, 5)):
-        plan.against([pick(rng, families)(rng, random_style(rng, colors, "shoes", "living", "linen"))], stand=0.85)
-    fittings.hang(plan, integer(rng, 2, 6))
-    fittings.floor_objects(plan, ("shoes", "bag", "plant", "box", "shoes"), integer(rng, 2, 6))
+    _more(plan, colors, (2, 5), families, "shoes", "living", "linen", stand=HALL_STAND)
+    _finish(plan, (2, 6), ("shoes", "bag", "plant", "box", "shoes"), (2, 6), heater=False)
 
 
 def bedroom(plan: FloorPlan, colors: Palette) -> None:
@@ -111,34 +139,17 @@ def bedroom(plan: FloorPlan, colors: Palette) -> None:
     for side in sorted(sides & set(pick(rng, ((-1, 1), (-1, 1), (1,), (-1,), ())))):
         stand = storage.nightstand(rng, night)
         wide = float(stand.size[1]) / 2
-        pieces.append(stand.moved(at(0.0, side * (half + wide + uniform(rng, (0.02, 0.12))))))
-    plan.need(plan.against(pieces, stand=0.75, attempts=14))
-    family = sliding_wardrobe if chance(rng, 0.35) else storage.wardrobe
-    wardrobe = family(rng, random_style(rng, colors, "clothes", drawers="linen"))
-    plan.need(plan.against([wardrobe], stand=STAND, attempts=14))
-    more = (
-        storage.chest,
-        storage.chest,
-        storage.sideboard,
-        storage.shelf,
-        storage.trunk,
-        storage.nightstand,
-        storage.tv_bench,
-    )
+        pieces.append(stand.moved(at(0.0, side * (half + wide + rng.uniform(0.02, 0.12)))))
+    _need(plan, pieces, 0.75)
+    family = storage.sliding_wardrobe if chance(rng, 0.35) else storage.wardrobe
+    _need(plan, [family(rng, random_style(rng, colors, "clothes", drawers="linen"))])
+    families: tuple[Family, ...] = (storage.chest, storage.chest, storage.sideboard, storage.shelf, storage.trunk)
+    families += (storage.nightstand, storage.tv_bench)
     for _ in range(integer(rng, 2, 5)):
         style = random_style(rng, colors, "clothes", "bedroom", "linen")
-        plan.against([pick(rng, more)(rng, style)], stand=STAND)
-    fittings.heater(plan)
-    fittings.hang(plan, integer(rng, 2, 6))
-    fittings.floor_objects(
-        plan, ("plant", "box", "bag", "chair", "shoes", "basket", "teddy", "lamp"), integer(rng, 2, 7)
-    )
-    if chance(rng, 0.5):
-        fittings.rug(plan, colors.cloth)
-
-
-WASH_STAND = 0.9
-"""[m] Free floor before furniture that opens."""
+        plan.against([pick(rng, families)(rng, style)], stand=STAND)
+    _finish(plan, (2, 6), ("plant", "box", "bag", "chair", "shoes", "basket", "teddy", "lamp"), (2, 7))
+    _rug(plan, colors, 0.5)
 
 
 def bathroom(plan: FloorPlan, colors: Palette) -> None:
@@ -148,18 +159,15 @@ def bathroom(plan: FloorPlan, colors: Palette) -> None:
     vanity = sanitary.vanity(rng, style)
     if chance(rng, 0.8):
         vanity.append(sanitary.mirror_cabinet(rng, style))
-    plan.need(plan.against(vanity, stand=WASH_STAND, attempts=16, askew=0.2))
-    plan.need(plan.against([sanitary.toilet()], stand=0.45, attempts=16, askew=0.3))
+    _need(plan, vanity, WASH_STAND, 16, askew=0.2)
+    _need(plan, [sanitary.toilet()], 0.45, 16, askew=0.3)
     if chance(rng, 0.6):
-        tub = sanitary.bathtub(uniform(rng, (1.5, 1.8)), uniform(rng, (0.7, 0.8)))
+        tub = sanitary.bathtub(rng.uniform(1.5, 1.8), rng.uniform(0.7, 0.8))
         plan.against([tub], attempts=16, askew=0.0, gap=0.004)
     if chance(rng, 0.45):
         plan.against([sanitary.washer(rng)], stand=WASH_STAND, askew=0.5, gap=0.03)
     families = (sanitary.tall_cupboard, storage.hamper, sanitary.tall_cupboard)
-    for _ in range(integer(rng, 2, 4)):
-        plan.against(
-            [pick(rng, families)(rng, random_style(rng, colors, "bath", "bath", "toiletries"))], stand=WASH_STAND
-        )
+    _more(plan, colors, (2, 4), families, "bath", "bath", "toiletries", stand=WASH_STAND)
     _small(plan)
 
 
@@ -168,11 +176,10 @@ def laundry(plan: FloorPlan, colors: Palette) -> None:
     rng = plan.rng
     machines = [sanitary.washer(rng)]
     if chance(rng, 0.6):
-        machines.append(sanitary.washer(rng, "dryer").moved(at(0, uniform(rng, (0.62, 0.7)))))
-    plan.need(plan.against(machines, stand=WASH_STAND, askew=0.4, gap=0.03, attempts=16))
+        machines.append(sanitary.washer(rng, "dryer").moved(at(0, rng.uniform(0.62, 0.7))))
+    _need(plan, machines, WASH_STAND, 16, askew=0.4, gap=0.03)
     families = (sanitary.tall_cupboard, storage.hamper, sanitary.tall_cupboard, storage.hamper)
-    for _ in range(integer(rng, 3, 6)):
-        plan.against([pick(rng, families)(rng, random_style(rng, colors, "linen", "linen", "linen"))], stand=WASH_STAND)
+    _more(plan, colors, (3, 6), families, "linen", "linen", "linen", stand=WASH_STAND)
     style = random_style(rng, colors, "linen", "nothing", "linen")
     if chance(rng, 0.6):
         plan.against(sanitary.vanity(rng, style), stand=WASH_STAND, askew=0.2)
@@ -185,22 +192,14 @@ def _small(plan: FloorPlan) -> None:
     if chance(rng, 0.8):
         plan.against([storage.bin_(rng)], askew=10, gap=0.04)
     if chance(rng, 0.6):
-        place = at(0.07, 0, uniform(rng, (1.15, 1.35)))
-        plan.against([piece.moved(place) for piece in _rail(rng)], gap=0.0, askew=0.0)
+        place, width = at(0.07, 0, rng.uniform(1.15, 1.35)), rng.uniform(0.36, 0.6)
+        towel = household.hanging_towel(rng, 0.7 * width, rng.uniform(0.4, 0.65))
+        plan.against([household.towel_rail(width).moved(place), towel.moved(place)], gap=0.0, askew=0.0)
     if chance(rng, 0.5):
         plan.anywhere([household.mat(rng, 0.5, 0.8, "bath mat")])
     if chance(rng, 0.5):
-        stool = household.stool()
-        plan.against([stool.moved(at(0.2, 0))], gap=0.03)
-    fittings.heater(plan)
-    fittings.hang(plan, integer(rng, 0, 2))
-    fittings.floor_objects(plan, ("basket", "crate", "box", "shoes"), integer(rng, 0, 4))
-
-
-def _rail(rng: np.random.Generator) -> list[Piece]:
-    """Return a towel rail with a towel."""
-    width = uniform(rng, (0.36, 0.6))
-    return [household.towel_rail(width), household.hanging_towel(rng, 0.7 * width, uniform(rng, (0.4, 0.65)))]
+        plan.against([household.stool().moved(at(0.2, 0))], gap=0.03)
+    _finish(plan, (0, 2), ("basket", "crate", "box", "shoes"), (0, 4))
 
 
 def office(plan: FloorPlan, colors: Palette) -> None:
@@ -212,83 +211,47 @@ def office(plan: FloorPlan, colors: Palette) -> None:
         if index == 0:
             plan.need(pose)
     first = pick(rng, (furniture.filing, furniture.cupboard, furniture.roller))
-    plan.need(plan.against([first(rng, random_style(rng, colors, "office", "office"))], stand=STAND, attempts=14))
-    families = (
-        furniture.filing,
-        furniture.roller,
-        furniture.lockers,
-        furniture.cupboard,
-        storage.shelf,
-        furniture.wall_cupboard,
-    )
-    for _ in range(integer(rng, 4, 8)):
-        plan.against([pick(rng, families)(rng, random_style(rng, colors, "office", "office"))], stand=STAND)
-    fittings.heater(plan)
-    fittings.hang(plan, integer(rng, 2, 6), work=True)
-    fittings.floor_objects(plan, ("plant", "box", "bag", "can", "chair", "tower"), integer(rng, 2, 7))
+    _need(plan, [first(rng, random_style(rng, colors, "office", "office"))])
+    families = (furniture.filing, furniture.roller, furniture.lockers, furniture.cupboard)
+    _more(plan, colors, (4, 8), (*families, storage.shelf, furniture.wall_cupboard), "office", "office")
+    _finish(plan, (2, 6), ("plant", "box", "bag", "can", "chair", "tower"), (2, 7), work=True)
 
 
 def study(plan: FloorPlan, colors: Palette) -> None:
     """Place a desk, shelves with inserts, a chest or a sideboard."""
     rng = plan.rng
-    plan.need(
-        plan.against(
-            furniture.desk(rng, random_style(rng, colors, "office", "office", "paper")), stand=0.35, attempts=14
-        )
+    _need(plan, furniture.desk(rng, random_style(rng, colors, "office", "office", "paper")), 0.35)
+    _need(plan, [storage.shelf(rng, random_style(rng, colors, "office", "living"))])
+    families = (storage.shelf, storage.chest, storage.sideboard, furniture.cupboard, furniture.filing)
+    _more(
+        plan, colors, (3, 6), (*families, storage.vitrine, furniture.wall_cupboard, storage.trunk), "office", "living"
     )
-    plan.need(
-        plan.against([storage.shelf(rng, random_style(rng, colors, "office", "living"))], stand=STAND, attempts=14)
-    )
-    families = (
-        storage.shelf,
-        storage.chest,
-        storage.sideboard,
-        furniture.cupboard,
-        furniture.filing,
-        storage.vitrine,
-        furniture.wall_cupboard,
-        storage.trunk,
-    )
-    for _ in range(integer(rng, 3, 6)):
-        plan.against([pick(rng, families)(rng, random_style(rng, colors, "office", "living"))], stand=STAND)
-    fittings.heater(plan)
-    fittings.hang(plan, integer(rng, 2, 6), work=True)
-    fittings.floor_objects(plan, ("plant", "box", "lamp", "can", "bag", "basket", "tower"), integer(rng, 1, 6))
-    if chance(rng, 0.4):
-        fittings.rug(plan, colors.cloth)
+    _finish(plan, (2, 6), ("plant", "box", "lamp", "can", "bag", "basket", "tower"), (1, 6), work=True)
+    _rug(plan, colors, 0.4)
 
 
 def workshop(plan: FloorPlan, colors: Palette) -> None:
     """Place a workbench, tool cabinets, lockers, wall cupboards, shelves with crates."""
     rng = plan.rng
     bench = random_style(rng, colors, "tools", "tools", "toiletries", panels=("slab",))
-    plan.need(plan.against(furniture.desk(rng, bench, "workbench"), stand=0.35, attempts=14))
-    plan.need(plan.against([furniture.tool_cabinet(rng, bench)], stand=STAND, attempts=14))
-    families = (
-        furniture.tool_cabinet,
-        furniture.lockers,
-        furniture.wall_cupboard,
-        storage.shelf,
-        furniture.cupboard,
-        furniture.roller,
-        storage.trunk,
-    )
-    for _ in range(integer(rng, 4, 8)):
-        plan.against([pick(rng, families)(rng, random_style(rng, colors, "tools", "tools", "toiletries"))], stand=STAND)
-    fittings.hang(plan, integer(rng, 1, 4), work=True)
-    fittings.floor_objects(plan, ("tools", "crate", "box", "can", "crate", "tools"), integer(rng, 3, 8))
+    _need(plan, furniture.desk(rng, bench, "workbench"), 0.35)
+    _need(plan, [furniture.tool_cabinet(rng, bench)])
+    families: tuple[Family, ...] = (furniture.tool_cabinet, furniture.lockers, furniture.wall_cupboard, storage.shelf)
+    families += (furniture.cupboard, furniture.roller, storage.trunk)
+    _more(plan, colors, (4, 8), families, "tools", "tools", "toiletries")
+    _finish(plan, (1, 4), ("tools", "crate", "box", "can", "crate", "tools"), (3, 8), heater=False, work=True)
 
 
 ROW_STAND = 1.05
 """[m] Free floor before a fitted row."""
-WIDTHS = {
-    "drawers": (0.4, 1.0),
-    "cupboard": (0.3, 0.9),
-    "sink": (0.5, 0.9),
-    "oven": (0.595, 0.605),
-    "dishwasher": (0.445, 0.605),
+UNITS = {
+    "drawers": (units.drawers, (0.4, 1.0)),
+    "cupboard": (units.cupboard, (0.3, 0.9)),
+    "sink": (units.sink_unit, (0.5, 0.9)),
+    "oven": (units.oven, (0.595, 0.605)),
+    "dishwasher": (units.dishwasher, (0.445, 0.605)),
 }
-"""Of base units [m]."""
+"""What makes each base unit, and its width [m]."""
 
 
 @dataclass(frozen=True)
@@ -312,37 +275,24 @@ def kitchen(plan: FloorPlan, colors: Palette) -> None:
     # Doors of wall units stop at the hood, which is deeper than they are.
     kitchen = replace(kitchen, wall=replace(kitchen.wall, angle=min(kitchen.wall.angle, 1.5)))
     longest = max(side.length for side in plan.room.sides)
-    plan.need(
-        plan.against(
-            row(rng, kitchen, uniform(rng, (min(2.6, 0.8 * longest), min(4.6, longest - 0.1))), True),
-            stand=ROW_STAND,
-            attempts=16,
-            askew=0.3,
-            gap=0.002,
-        )
-    )
+    main = row(rng, kitchen, rng.uniform(min(2.6, 0.8 * longest), min(4.6, longest - 0.1)), True)
+    _need(plan, main, ROW_STAND, 16, askew=0.3, gap=0.002)
     fridge = units.fridge(rng, random_style(rng, colors, "pantry", "nothing", "cutlery"))
-    plan.need(plan.against([fridge], stand=ROW_STAND, askew=0.5, gap=0.02, attempts=14))
+    _need(plan, [fridge], ROW_STAND, askew=0.5, gap=0.02)
     if chance(rng, 0.7):
-        plan.against(row(rng, kitchen, uniform(rng, (1.0, 2.2)), False), stand=ROW_STAND, askew=0.3, gap=0.002)
+        plan.against(row(rng, kitchen, rng.uniform(1.0, 2.2), False), stand=ROW_STAND, askew=0.3, gap=0.002)
     if chance(rng, 0.4) and plan.room.size[0] * plan.room.size[1] > 14:
-        plan.anywhere(units.island(rng, kitchen.sizes, base, uniform(rng, (1.0, 1.8))), stand=ROW_STAND, attempts=40)
+        plan.anywhere(units.island(rng, kitchen.sizes, base, rng.uniform(1.0, 1.8)), stand=ROW_STAND, attempts=40)
     if chance(rng, 0.35):
-        plan.against(
-            [units.tall_unit(rng, uniform(rng, (0.4, 0.62)), kitchen.sizes, base)],
-            stand=ROW_STAND,
-            askew=0.3,
-            gap=0.002,
-        )
+        tall = units.tall_unit(rng, rng.uniform(0.4, 0.62), kitchen.sizes, base)
+        plan.against([tall], stand=ROW_STAND, askew=0.3, gap=0.002)
     if chance(rng, 0.5):
         plan.anywhere(beds.dining(rng, random_style(rng, colors, "dishes", "dishes")), attempts=40)
     if chance(rng, 0.4):
         plan.against([storage.shelf(rng, random_style(rng, colors, "pantry", "kitchen", "cutlery"))], stand=ROW_STAND)
     if chance(rng, 0.7):
         plan.against([storage.bin_(rng)], askew=10, gap=0.04)
-    fittings.heater(plan)
-    fittings.hang(plan, integer(rng, 1, 4))
-    fittings.floor_objects(plan, ("plant", "box", "chair", "basket"), integer(rng, 2, 6))
+    _finish(plan, (1, 4), ("plant", "box", "chair", "basket"), (2, 6))
 
 
 def row(rng: np.random.Generator, kitchen: KitchenStyle, length: float, main: bool) -> list[Piece]:
@@ -357,16 +307,9 @@ def row(rng: np.random.Generator, kitchen: KitchenStyle, length: float, main: bo
     kinds = _order(rng, length, main)
     widths = np.array([wide for _, wide in kinds])
     starts = np.cumsum([0.0, *widths]) - widths.sum() / 2
-    make = {
-        "drawers": units.drawers,
-        "cupboard": units.cupboard,
-        "sink": units.sink_unit,
-        "oven": units.oven,
-        "dishwasher": units.dishwasher,
-    }
     middles = {name: float(start + wide / 2) for (name, wide), start in zip(kinds, starts, strict=False)}
     pieces = [
-        make[name](rng, wide, kitchen.sizes, kitchen.base).moved(at(0, start + wide / 2))
+        UNITS[name][0](rng, wide, kitchen.sizes, kitchen.base).moved(at(0, start + wide / 2))
         for (name, wide), start in zip(kinds, starts, strict=False)
     ]
     ends = (float(starts[0]), float(starts[-1]))
@@ -383,10 +326,10 @@ def _order(rng: np.random.Generator, length: float, main: bool) -> list[tuple[st
     """Return kinds and widths of base units that together are at most so long [m]."""
     wanted = ["sink", "oven"] if main else []
     wanted += ["dishwasher"] if main and chance(rng, 0.7) else []
-    chosen = [(name, uniform(rng, WIDTHS[name])) for name in wanted]
+    chosen = [(name, rng.uniform(*UNITS[name][1])) for name in wanted]
     while True:
         name = pick(rng, ("drawers", "drawers", "cupboard"))
-        wide = uniform(rng, WIDTHS[name])
+        wide = rng.uniform(*UNITS[name][1])
         if sum(w for _, w in chosen) + wide > length:
             break
         chosen.append((name, wide))
@@ -407,7 +350,7 @@ def _on_top(
         pieces.append(units.hob().moved(hob))
         busy.append((middles["oven"] - 0.3, middles["oven"] + 0.3))
         if chance(rng, 0.6):
-            pot = household.pot(uniform(rng, (0.08, 0.11)), uniform(rng, (0.08, 0.14)))
+            pot = household.pot(rng.uniform(0.08, 0.11), rng.uniform(0.08, 0.14))
             pieces.append(pot.moved(at(0.42, middles["oven"] - 0.14, z + 0.0078)))
     if "sink" in middles:
         busy.append((middles["sink"] - 0.3, middles["sink"] + 0.3))
@@ -435,7 +378,7 @@ def _wall_units(
     for low, high in spans:
         y = low
         while high - y > 0.3:
-            wide = min(uniform(rng, (0.3, 0.95)), high - y)
+            wide = min(rng.uniform(0.3, 0.95), high - y)
             wide = high - y if high - y - wide < 0.3 and high - y < 1.0 else wide
             if chance(rng, 0.88):
                 pieces.append(units.wall_unit(rng, wide, kitchen.sizes, kitchen.wall).moved(at(0, y + wide / 2)))

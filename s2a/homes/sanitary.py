@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.homes import fronts, grips
-from s2a.homes.casework import CabinetBase, Cell, Column, cabinet
-from s2a.homes.draw import chance, integer, pick, uniform
-from s2a.homes.fronts import LEFT, RIGHT, Opening, Style, cabinet_body, hinged, lid
+from s2a.homes.casework import Cell, Column, Footing, cabinet
+from s2a.homes.draw import chance, integer, pick
+from s2a.homes.fronts import DRAWER, LEFT, OPEN, RIGHT, Opening, Style, cabinet_body, hinged, lid
 from s2a.homes.grips import QUARTER, cup, edge
 from s2a.homes.household import CHROME, basin, counter, faucet
 from s2a.homes.kitchen import STEEL, WHITE
-from s2a.homes.solids import Color, Piece, Surface, at, box, cylinder, join, lathe, painted, rotation
+from s2a.homes.solids import Color, Piece, Surface, at, box, cylinder, join, lathe, painted, posts, rotation
 from s2a.scene.scene import Joint
 
 CERAMIC: Color = (240, 240, 238)
@@ -46,11 +46,9 @@ def toilet() -> Piece:
 def bathtub(length: float, width: float = 0.75) -> Piece:
     """Return a bathtub along y in its panelled surround, 0.57 m high: an open tub with sloping ends."""
     high, rim, y = 0.57, 0.07, length / 2
-    surround = [
-        box((width - 0.02, width), (-y, y), (0, high - 0.03), CERAMIC),
-        *(box((0, width), (s, s + 0.02), (0, high - 0.03), CERAMIC) for s in (-y, y - 0.02)),
-    ]
-    return Piece("bathtub", join(*surround, _tub((width, length), rim, high)))
+    front = box((width - 0.02, width), (-y, y), (0, high - 0.03), CERAMIC)
+    ends = [box((0, width), (s, s + 0.02), (0, high - 0.03), CERAMIC) for s in (-y, y - 0.02)]
+    return Piece("bathtub", join(front, *ends, _tub((width, length), rim, high)))
 
 
 def _tub(size: tuple[float, float], rim: float, high: float) -> Surface:
@@ -80,133 +78,85 @@ def _tub(size: tuple[float, float], rim: float, high: float) -> Surface:
 
 def vanity(rng: np.random.Generator, style: Style) -> list[Piece]:
     """Return a vanity unit with its top, a basin and a tap; drawers or doors under the basin, drawers beside it."""
-    width, depth, top = uniform(rng, (0.6, 1.5)), uniform(rng, (0.44, 0.52)), uniform(rng, (0.79, 0.9))
+    width, depth, top = rng.uniform(0.6, 1.5), rng.uniform(0.44, 0.52), rng.uniform(0.79, 0.9)
     bowl = (0.28, min(0.46, width - 0.16), 0.12)
     hung = chance(rng, 0.5)
     below = Cell(1.0, Opening("pair" if width > 0.75 else "left"), 0)
-    side = Column(0.6, tuple(Cell(1.0, Opening("drawer")) for _ in range(integer(rng, 2, 3))))
+    side = Column(0.6, tuple(Cell(1.0, DRAWER) for _ in range(integer(rng, 2, 3))))
     columns = (side, Column(1.0, (below,))) if width > 0.95 else (Column(1.0, (below,)),)
     # Between the basin's middle and that of the column below it.
     y = width / 2 - width / (1.6 if len(columns) > 1 else 1.0) / 2
-    base = CabinetBase(
-        "none" if hung else "plinth", uniform(rng, (0.25, 0.35)) if hung else uniform(rng, (0.06, 0.15)), open_top=True
-    )
-    thick = uniform(rng, (0.015, 0.04))
-    body = cabinet(
-        rng, "bathroom cabinet", (depth, width, top - thick), columns, replace(style, theme="toiletries"), base
-    )
+    low = rng.uniform(0.25, 0.35) if hung else rng.uniform(0.06, 0.15)
+    base = Footing("none" if hung else "plinth", low, open_top=True)
+    thick = rng.uniform(0.015, 0.04)
+    style = replace(style, theme="toiletries")
+    body = cabinet(rng, "bathroom cabinet", (depth, width, top - thick), columns, style, base)
     hole = (0.09, 0.09 + bowl[0], y - bowl[1] / 2, y + bowl[1] / 2)
-    plate = counter(
-        (-width / 2, width / 2), (0, depth + 0.015), (top - thick, top), hole, (226, 226, 222), 0, "bathroom counter"
-    )
-    return [
-        body,
-        plate,
-        basin(bowl, CERAMIC).moved(at(0.09 + bowl[0] / 2, y, top)),
-        faucet(0.2, 0.14).moved(at(0.045, y, top)),
-    ]
+    x, z = (0, depth + 0.015), (top - thick, top)
+    plate = counter((-width / 2, width / 2), x, z, hole, (226, 226, 222), 0, "bathroom counter")
+    sunk = basin(bowl, CERAMIC).moved(at(0.09 + bowl[0] / 2, y, top))
+    return [body, plate, sunk, faucet(0.2, 0.14).moved(at(0.045, y, top))]
 
 
 def mirror_cabinet(rng: np.random.Generator, style: Style) -> Piece:
     """Return a mirror cabinet with one to three doors, its floor 1.15 to 1.3 m high."""
-    width = uniform(rng, (0.45, 1.2))
+    width = rng.uniform(0.45, 1.2)
     count = max(1, round(width / 0.45))
     grip = grips.design(rng, "edge", "knob", "none", "bar")
-    doors = [
-        Column(
-            1.0,
-            (
-                Cell(
-                    1.0,
-                    Opening(
-                        "left" if i % 2 else "right", "mirror", "mirror", replace(grip, length=min(grip.length, 0.2))
-                    ),
-                    1,
-                ),
-            ),
-        )
-        for i in range(count)
-    ]
-    size = uniform(rng, (0.12, 0.18)), width, uniform(rng, (0.55, 0.8))
-    return cabinet(
-        rng, "mirror cabinet", size, tuple(doors), replace(style, theme="toiletries"), CabinetBase("none", 0.0)
-    ).moved(at(0, 0, uniform(rng, (1.15, 1.3))))
+    grip = replace(grip, length=min(grip.length, 0.2))
+    sides = ["left" if i % 2 else "right" for i in range(count)]
+    doors = tuple(Column(1.0, (Cell(1.0, Opening(side, "mirror", "mirror", grip), 1),)) for side in sides)
+    size = rng.uniform(0.12, 0.18), width, rng.uniform(0.55, 0.8)
+    piece = cabinet(rng, "mirror cabinet", size, doors, replace(style, theme="toiletries"), Footing("none", 0.0))
+    return piece.moved(at(0, 0, rng.uniform(1.15, 1.3)))
 
 
 def tall_cupboard(rng: np.random.Generator, style: Style) -> Piece:
     """Return a tall narrow cupboard with doors, a drawer or an open compartment between them."""
-    size = uniform(rng, (0.3, 0.4)), uniform(rng, (0.3, 0.5)), uniform(rng, (1.4, 1.95))
+    size = rng.uniform(0.3, 0.4), rng.uniform(0.3, 0.5), rng.uniform(1.4, 1.95)
     side = pick(rng, ("left", "right"))
-    between = pick(rng, ((), (Cell(0.25, Opening("drawer")),), (Cell(0.4, Opening("open"), 0),)))
+    between = pick(rng, ((), (Cell(0.25, DRAWER),), (Cell(0.4, OPEN, 0),)))
     cells = (Cell(1.0, Opening(side)), *between, Cell(0.9, Opening(side)))
-    return cabinet(
-        rng, "storage cabinet", size, (Column(1.0, cells),), style, CabinetBase("plinth", uniform(rng, (0.05, 0.12)))
-    )
+    return cabinet(rng, "storage cabinet", size, cells, style, Footing("plinth", rng.uniform(0.05, 0.12)))
 
 
 def washer(rng: np.random.Generator, name: str = "washing machine") -> Piece:
     """Return a front loader: a porthole hinged at the left or right, a detergent drawer, a dial."""
-    deep, wide, high = uniform(rng, (0.46, 0.62)), 0.597, uniform(rng, (0.84, 0.85))
-    hole, z, split = uniform(rng, (0.13, 0.155)), uniform(rng, (0.4, 0.46)), high - 0.135
+    deep, wide, high = rng.uniform(0.46, 0.62), 0.597, rng.uniform(0.84, 0.85)
+    hole, z, split = rng.uniform(0.13, 0.155), rng.uniform(0.4, 0.46), high - 0.135
     color = pick(rng, (WHITE, WHITE, (90, 92, 96)))
     shell = [board.moved(at(deep, 0, 0.02)) for board in cabinet_body((deep, wide, high - 0.02), 0.012, color)]
     half, drawer = wide / 2, -0.12
-    face = [
-        box((deep - 0.02, deep), (-half, half), (0.02, z - hole), color),
-        box((deep - 0.02, deep), (-half, half), (z + hole, split - 0.005), color),
-        box((deep - 0.02, deep), (drawer, half), (split, high), color),
-        *(
-            box((deep - 0.02, deep), (min(hole * s, half * s), max(hole * s, half * s)), (z - hole, z + hole), color)
-            for s in (-1, 1)
-        ),
+    boards = [
+        ((-half, half), (0.02, z - hole)),
+        ((-half, half), (z + hole, split - 0.005)),
+        ((drawer, half), (split, high)),
     ]
+    boards += [(beside, (z - hole, z + hole)) for beside in ((-half, -hole), (hole, half))]
+    face = [box((deep - 0.02, deep), *spans, color) for spans in boards]
     turn = rotation((0, QUARTER, 0))
     reach = deep - 0.09
-    drum = [
-        (0, -reach),
-        (0.24, -reach),
-        (0.24, 0),
-        (0.2, 0),
-        (0.2, -0.02),
-        (0.23, -0.02),
-        (0.23, 0.01 - reach),
-        (0, 0.01 - reach),
-    ]
-    dial = cylinder(uniform(rng, (0.022, 0.035)), 0.025, STEEL).moved(
-        at(deep, uniform(rng, (0.0, 0.15)), high - 0.07) @ turn
-    )
-    feet = [
-        box((x, x + 0.05), (y, y + 0.05), (0, 0.02), (40, 40, 44)) for x in (0.03, deep - 0.09) for y in (-0.28, 0.23)
-    ]
+    inside = [(0.2, 0), (0.2, -0.02), (0.23, -0.02), (0.23, 0.01 - reach), (0, 0.01 - reach)]
+    drum = [(0, -reach), (0.24, -reach), (0.24, 0), *inside]
+    dial = cylinder(rng.uniform(0.022, 0.035), 0.025, STEEL).moved(at(deep, rng.uniform(0.0, 0.15), high - 0.07) @ turn)
+    feet = posts((0.03, deep - 0.09), (-0.28, 0.23), (0, 0.02), 0.05, (40, 40, 44))
     body = join(*shell, *face, lathe(drum, STEEL).moved(at(deep - 0.02, 0, z) @ turn), dial, *feet)
-    tray = _soap_drawer(uniform(rng, (0.16, 0.24))).moved(at(deep, -0.206, high - 0.0675))
+    tray = _soap_drawer(rng.uniform(0.16, 0.24)).moved(at(deep, -0.206, high - 0.0675))
     return Piece(name, body, (_porthole(rng, hole).moved(at(deep + 0.034, 0, z)), tray))
 
 
 def _porthole(rng: np.random.Generator, hole: float) -> Piece:
     """Return the round door of a front loader about a hole of given radius [m], with a grip across from its hinge."""
-    outer, side = hole + uniform(rng, (0.045, 0.065)), pick(rng, (LEFT, LEFT, RIGHT))
+    outer, side = hole + rng.uniform(0.045, 0.065), pick(rng, (LEFT, LEFT, RIGHT))
     turn = rotation((0, QUARTER, 0))
-    ring = lathe(
-        [
-            (hole - 0.005, -0.03),
-            (outer, -0.03),
-            (outer, -0.008),
-            (outer - 0.02, 0),
-            (hole - 0.005, 0),
-            (hole - 0.005, -0.03),
-        ],
-        STEEL,
-    )
-    glass = lathe(
-        [(0, -0.09), (hole - 0.04, -0.07), (hole - 0.006, -0.028), (hole - 0.006, -0.014), (0, -0.01)],
-        fronts.DARK_GLASS,
-    )
-    high = uniform(rng, (0.024, 0.034))
-    grip = cup(uniform(rng, (0.06, 0.1)), high, uniform(rng, (0.018, 0.026)), (60, 60, 64))
+    low, rim = (hole - 0.005, -0.03), [(outer, -0.03), (outer, -0.008), (outer - 0.02, 0), (hole - 0.005, 0)]
+    ring = lathe([low, *rim, low], STEEL)
+    bulge = [(0, -0.09), (hole - 0.04, -0.07), (hole - 0.006, -0.028), (hole - 0.006, -0.014), (0, -0.01)]
+    glass = lathe(bulge, fronts.DARK_GLASS)
+    high = rng.uniform(0.024, 0.034)
+    grip = cup(rng.uniform(0.06, 0.1), high, rng.uniform(0.018, 0.026), (60, 60, 64))
     grip = grip.moved(at(-0.002, -side[0] * (outer - 0.018 - high / 2), 0.0) @ rotation((-side[0] * QUARTER, 0, 0)))
-    door = hinged("washing machine door", join(ring, glass).moved(turn), side, grip, angle=uniform(rng, (1.4, 1.57)))
-    return door
+    return hinged("washing machine door", join(ring, glass).moved(turn), side, grip, angle=rng.uniform(1.4, 1.57))
 
 
 def _soap_drawer(travel: float) -> Piece:

@@ -162,6 +162,18 @@ def box(
     return painted(vertices, faces, color, texture, dropout)
 
 
+def posts(
+    x: tuple[float, float],
+    y: tuple[float, float],
+    z: tuple[float, float],
+    thick: float,
+    color: Color,
+    texture: int = PLAIN,
+) -> list[Surface]:
+    """Return four upright posts of square section [m], the lower corners of each at one of two x and one of two y."""
+    return [box((a, a + thick), (b, b + thick), z, color, texture) for a in x for b in y]
+
+
 def lathe(
     profile: list[tuple[float, float]], color: Color, texture: int = PLAIN, sides: int = 24, squeeze: float = 1.0
 ) -> Surface:

@@ -7,13 +7,14 @@ import numpy as np
 from s2a.homes.solids import FABRIC, Surface, box, cylinder, ellipsoid, join, lathe, prism, stadium
 from s2a.homes.zoo import shapes as p
 from s2a.homes.zoo.shapes import (
-    ZooObject,
     arc,
+    ball,
     loft,
     pebble,
     plate,
     put,
     ring,
+    rod,
     settled,
     tube,
     turned,
@@ -23,16 +24,16 @@ from s2a.homes.zoo.shapes import (
 )
 
 
+@zoo_object("toothbrush", "bathroom", "inside")  # 190 mm long, lying with its bristles up
 def _toothbrush() -> Surface:
-    """190 mm long, lying with its bristles up."""
     path, radii = [(0, -95, 4.8), (0, -60, 6), (0, -10, 5.2), (0, 40, 4), (0, 65, 4)], [4.8, 6, 5.2, 3, 3.4]
     spots = [(x, y) for x in (-4, 0, 4) for y in range(65, 94, 4)]
-    tufts = [put(cylinder(1.7, 12, p.WHITE if y % 8 else p.BLUE, sides=6), x, y, 7) for x, y in spots]
-    return settled(join(tube(path, radii, p.TEAL, 12, flat=1.25), put(pebble((14, 36, 8), p.TEAL), y=79), *tufts), 1)
+    tufts = [rod(1.7, 12, p.WHITE if y % 8 else p.BLUE, x, y, 7, sides=6) for x, y in spots]
+    return settled(join(tube(path, radii, p.TEAL, 12, flat=1.25), pebble((14, 36, 8), p.TEAL, y=79), *tufts), 1)
 
 
+@zoo_object("toothpaste tube", "bathroom")  # a tube of 75 ml, 170 mm long with its cap, lying flat
 def _toothpaste() -> Surface:
-    """A tube of 75 ml, 170 mm long with its cap, lying flat."""
     body = [(z, 20 + 0.06 * z, 20 - 0.135 * z, 0, 0.135 * z) for z in range(0, 141, 20)]
     stripe = [(z, 20.4 + 0.06 * z, 20.4 - 0.135 * z, 0, 0.135 * z) for z in (92, 100, 118)]
     cap = lathe([(0, -28), (13, -28), (16, 0), (0, 0)], p.RED, sides=16)
@@ -40,41 +41,35 @@ def _toothpaste() -> Surface:
     return settled(join(put(join(loft(body, p.WHITE), loft(stripe, p.RED), cap), roll=-90), name), 1)
 
 
+@zoo_object("soap dispenser", "bathroom")  # 190 mm high, with a pump
 def _soap_dispenser() -> Surface:
-    """190 mm high, with a pump."""
     body = turned([(34, 0), (36, 8), (36, 92), (30, 115), (15, 125)], p.SKY)
-    label = put(cylinder(36.6, 50, p.WHITE), z=25)
-    neck = [
-        put(cylinder(16, 14, p.DARK), z=124),
-        put(cylinder(5, 50, p.STEEL), z=130),
-        put(cylinder(13, 12, p.DARK), z=176),
-    ]
+    label = rod(36.6, 50, p.WHITE, z=25)
+    neck = [rod(16, 14, p.DARK, z=124), rod(5, 50, p.STEEL, z=130), rod(13, 12, p.DARK, z=176)]
     spout = tube([(0, 0, 182), (35, 0, 182), (47, 0, 178), (51, 0, 168)], 5, p.DARK)
     return join(body, label, *neck, spout, put(wrapped(writing("SOAP", 44, p.BLUE, 1), 36.4), z=43))
 
 
+@zoo_object("bar of soap in a dish", "bathroom")  # a bar of 95 mm in a dish of 135 mm
 def _soap() -> Surface:
-    """A bar of 95 mm in a dish of 135 mm."""
     dish = lathe([(0, 0), (45, 0), (68, 16), (64, 17), (44, 4), (0, 4)], p.SKY, squeeze=0.7)
     foam = [ellipsoid((s, s, s), p.WHITE) for s in (12, 15, 9)]
     bubbles = [put(f, x, y, 33) for f, x, y in zip(foam, (-12, 4, 14), (24, 30, 22), strict=True)]
     name = put(writing("SOAP", 56, p.ROSE, 1), 8, -8, 33.5, pitch=-90)
-    return put(join(dish, put(pebble((54, 95, 30), p.PINK, 3.5), z=4), name, *bubbles), yaw=0)
+    return put(join(dish, pebble((54, 95, 30), p.PINK, 3.5, z=4), name, *bubbles), yaw=0)
 
 
+@zoo_object("shampoo bottle", "bathroom")  # a bottle of 250 ml, 200 mm high
 def _shampoo() -> Surface:
-    """A bottle of 250 ml, 200 mm high."""
     body = loft([(0, 18, 32), (5, 20, 35), (140, 20, 36), (160, 15, 26), (168, 11, 11)], p.PURPLE)
-    cap = put(pebble((30, 34, 34), p.WHITE, 6), z=166)
-    flower = [
-        put(ellipsoid((4, 14, 14), p.YELLOW), 19, 10 * np.cos(a), 100 + 10 * np.sin(a)) for a in np.arange(0, 6, 1.26)
-    ]
+    cap = pebble((30, 34, 34), p.WHITE, 6, z=166)
+    flower = [ball((4, 14, 14), p.YELLOW, 19, 10 * np.cos(a), 100 + 10 * np.sin(a)) for a in np.arange(0, 6, 1.26)]
     name = put(writing("SHAMPOO", 52, p.WHITE, 4), 16, 0, 55)
-    return join(body, cap, *flower, put(ellipsoid((6, 12, 12), p.ORANGE), 20, 0, 100), name)
+    return join(body, cap, *flower, ball((6, 12, 12), p.ORANGE, 20, 0, 100), name)
 
 
+@zoo_object("roll of toilet paper", "bathroom")  # a roll 100 mm high and 112 mm wide, its last sheet hanging off
 def _toilet_paper() -> Surface:
-    """A roll 100 mm high and 112 mm wide, its last sheet hanging off."""
     roll = lathe([(20, 0), (56, 0), (56, 100), (20, 100), (20, 0)], p.WHITE)
     core = lathe([(18, 0), (20.5, 0), (20.5, 101), (18, 101), (18, 0)], p.TAN)
     lines = [
@@ -84,105 +79,103 @@ def _toilet_paper() -> Surface:
     return join(roll, core, *lines, sheet)
 
 
+@zoo_object("hair dryer", "bathroom")  # 230 mm from end to end, lying on its side
 def _hair_dryer() -> Surface:
-    """230 mm from end to end, lying on its side."""
     barrel = put(turned([(30, 0), (42, 20), (44, 60), (36, 130), (30, 160)], p.PINK), 0, -80, 42, roll=-90)
     nozzle = put(loft([(0, 30, 30), (30, 24, 26), (55, 10, 32)], p.BLACK), 0, 78, 42, roll=-90)
     grille = [put(ring(r, 3, p.DARK), 0, -81, 42, roll=-90) for r in (8, 16, 24)]
-    handle = put(pebble((44, 50, 150), p.PINK, 4), 20, -35, 30, pitch=90)
-    switch = put(pebble((24, 14, 8), p.DARK, 4), 70, -35, 51)
+    handle = pebble((44, 50, 150), p.PINK, 4, 20, -35, 30, pitch=90)
+    switch = pebble((24, 14, 8), p.DARK, 4, 70, -35, 51)
     cord = tube([(165, -35, 28), (190, -35, 14), (215, -15, 5), (222, 20, 4)], 4, p.BLACK)
     return settled(join(barrel, nozzle, *grille, handle, switch, cord), 8)
 
 
+@zoo_object("hairbrush", "bathroom")  # a paddle brush 240 mm long, lying with its bristles up
 def _hairbrush() -> Surface:
-    """A paddle brush 240 mm long, lying with its bristles up."""
-    paddle = put(pebble((76, 115, 16), p.BROWN, 2.6), y=62)
-    pad = put(pebble((60, 98, 10), p.ROSE, 2.6), y=62, z=10)
+    paddle = pebble((76, 115, 16), p.BROWN, 2.6, y=62)
+    pad = pebble((60, 98, 10), p.ROSE, 2.6, y=62, z=10)
     spots = [(x, y) for x in range(-24, 25, 8) for y in range(20, 105, 9) if (x / 30) ** 2 + ((y - 62) / 49) ** 2 < 0.8]
     pins = [put(lathe([(0, 0), (1.4, 0), (1.0, 16), (0, 16)], p.BLACK, sides=6), x, y, 17) for x, y in spots]
     handle = tube([(0, 15, 8), (0, -20, 7), (0, -80, 8), (0, -120, 6)], [8, 6, 8, 6], p.BROWN, 14, flat=1.5)
     return settled(join(paddle, pad, *pins, handle), 2)
 
 
+@zoo_object("comb", "bathroom", "inside")  # 180 mm long, lying
 def _comb() -> Surface:
-    """180 mm long, lying."""
-    spine = put(pebble((14, 180, 5), p.AMBER, 5), x=-14)
-    ends = [put(pebble((42, 6, 4.5), p.AMBER, 5), x=1, y=y) for y in (-86, 86)]
+    spine = pebble((14, 180, 5), p.AMBER, 5, x=-14)
+    ends = [pebble((42, 6, 4.5), p.AMBER, 5, x=1, y=y) for y in (-86, 86)]
     teeth = [box((-10, 21), (y, y + (2.2 if y < 0 else 1.4)), (0.7, 4), p.AMBER) for y in np.arange(-80, 81, 4.5)]
     return join(spine, *ends, *teeth)
 
 
+@zoo_object("razor", "bathroom")  # a wet razor 145 mm long, lying
 def _razor() -> Surface:
-    """A wet razor 145 mm long, lying."""
     handle = tube([(0, -75, 7), (0, -30, 8), (0, 20, 9), (0, 52, 15), (0, 60, 16)], [7, 8, 6.5, 5, 5], p.BLUE, 12)
     rings = [put(ring(7.6, 2, p.BLACK), 0, y, 8, roll=90) for y in range(-55, -5, 7)]
-    head = put(pebble((44, 22, 9), p.NAVY, 6), 0, 66, 5, roll=25)
+    head = pebble((44, 22, 9), p.NAVY, 6, 0, 66, 5, roll=25)
     blades = [put(box((-20, 20), (y, y + 2.4), (8, 10.5), p.SILVER), 0, 66, 5, roll=25) for y in (-7, -2, 3)]
     return settled(join(handle, *rings, head, *blades), 1.8)
 
 
+@zoo_object("shaving brush", "bathroom")  # 110 mm high, standing on its handle
 def _shaving_brush() -> Surface:
-    """110 mm high, standing on its handle."""
     handle = turned([(17, 0), (18, 6), (12, 26), (15, 42), (13, 52)], p.BLACK)
-    collar = put(cylinder(13.5, 5, p.GOLD), z=50)
+    collar = rod(13.5, 5, p.GOLD, z=50)
     hair = [turned([(11, 54), (17, 80), (21, 96)], p.TAN), turned([(17.5, 82), (20, 92), (20, 95)], p.WALNUT)]
     return join(handle, collar, *hair, turned([(21.3, 94), (20, 104), (12, 110), (2, 112)], p.CREAM))
 
 
+def _beak() -> Surface:
+    """A duck's bill."""
+    return join(ball((26, 26, 7), p.ORANGE, 4, 0, 3), ball((20, 22, 6), p.RED, 3, 0, -2))
+
+
+@zoo_object("rubber duck", "bathroom")  # 90 mm long, facing the front
 def _rubber_duck() -> Surface:
-    """90 mm long, facing the front."""
-    body = join(
-        ellipsoid((90, 70, 56), p.YELLOW, sides=24), put(pebble((34, 30, 26), p.YELLOW, 2), -36, 0, 6, pitch=-30)
-    )
-    head = put(ellipsoid((48, 46, 46), p.YELLOW, sides=24), 22, 0, 44)
+    body = join(ellipsoid((90, 70, 56), p.YELLOW, sides=24), pebble((34, 30, 26), p.YELLOW, 2, -36, 0, 6, pitch=-30))
+    head = ball((48, 46, 46), p.YELLOW, 22, 0, 44, sides=24)
     beak = put(_beak(), 44, 0, 40)
-    eyes = [put(ellipsoid((8, 8, 10), p.BLACK), 40, y, 51) for y in (-11, 11)]
-    wings = [put(ellipsoid((46, 12, 28), p.AMBER), -8, y, 4, pitch=12) for y in (-34, 34)]
+    eyes = [ball((8, 8, 10), p.BLACK, 40, y, 51) for y in (-11, 11)]
+    wings = [ball((46, 12, 28), p.AMBER, -8, y, 4, pitch=12) for y in (-34, 34)]
     return settled(join(body, head, beak, *eyes, *wings), 9)
 
 
-def _beak() -> Surface:
-    """A duck's bill."""
-    return join(put(ellipsoid((26, 26, 7), p.ORANGE), 4, 0, 3), put(ellipsoid((20, 22, 6), p.RED), 3, 0, -2))
-
-
+@zoo_object("folded bath towel", "bathroom")  # a bath towel, folded to 350 by 250 mm
 def _towel() -> Surface:
-    """A bath towel, folded to 350 by 250 mm."""
     fold = put(prism(stadium(250, 24), (-175, 175), p.TEAL, FABRIC), z=12)
     stripes = [put(prism(stadium(250.8, 24.8), (x, x + 14), p.WHITE, FABRIC), z=12) for x in (90, 115, 140)]
     layers = [put(join(fold, *stripes), 0, 6 * (i % 2), 23 * i) for i in range(4)]
     return settled(put(join(*layers), yaw=-90), 1)
 
 
+@zoo_object("toilet brush", "bathroom", "against wall")  # 400 mm high, in its holder
 def _toilet_brush() -> Surface:
-    """400 mm high, in its holder."""
     holder = turned([(52, 0), (54, 8), (46, 90), (44, 120)], p.WHITE)
     bristles = [put(ring(30, 12, p.SKY), z=z) for z in (118, 124)]
-    stick = join(put(cylinder(7, 240, p.WHITE), z=115), turned([(7, 345), (13, 360), (13, 385), (6, 398)], p.SKY))
+    stick = join(rod(7, 240, p.WHITE, z=115), turned([(7, 345), (13, 360), (13, 385), (6, 398)], p.SKY))
     return join(holder, put(turned([(42, 0), (30, 14), (8, 26)], p.SKY), z=116), *bristles, stick)
 
 
+@zoo_object("bathroom scale", "bathroom")  # bathroom scale, 300 mm wide and 28 mm high
 def _scale() -> Surface:
-    """Bathroom scale, 300 mm wide and 28 mm high."""
-    feet = [put(cylinder(16, 8, p.BLACK), x, y) for x in (-110, 110) for y in (-110, 110)]
-    pads = [put(pebble((210, 90, 3), p.SILVER, 6), 15, y, 27) for y in (-75, 75)]
+    feet = [rod(16, 8, p.BLACK, x, y) for x in (-110, 110) for y in (-110, 110)]
+    pads = [pebble((210, 90, 3), p.SILVER, 6, 15, y, 27) for y in (-75, 75)]
     screen = join(
-        put(pebble((60, 110, 4), p.BLACK, 6), -105, 0, 27), put(writing("72.4", 60, p.GREEN, 1), -90, 0, 31, pitch=-90)
+        pebble((60, 110, 4), p.BLACK, 6, -105, 0, 27), put(writing("72.4", 60, p.GREEN, 1), -90, 0, 31, pitch=-90)
     )
-    return join(*feet, put(pebble((300, 300, 22), p.WHITE, 8), z=6), *pads, screen)
+    return join(*feet, pebble((300, 300, 22), p.WHITE, 8, z=6), *pads, screen)
 
 
+@zoo_object("perfume bottle", "bathroom")  # a flacon 105 mm high
 def _perfume() -> Surface:
-    """A flacon 105 mm high."""
-    glass = join(put(pebble((32, 66, 70), p.ROSE, 8), z=0), put(pebble((36, 72, 14), p.PINK, 8)))
-    neck = [put(cylinder(12, 12, p.GOLD), z=68), put(pebble((28, 28, 28), p.GOLD, 4), z=78)]
+    glass = join(pebble((32, 66, 70), p.ROSE, 8, z=0), pebble((36, 72, 14), p.PINK, 8))
+    neck = [rod(12, 12, p.GOLD, z=68), pebble((28, 28, 28), p.GOLD, 4, z=78)]
     tag = join(box((15, 16.6), (-22, 22), (24, 50), p.CREAM), put(writing("PARFUM", 38, p.GOLD, 1), 16.4, 0, 33))
     return join(glass, *neck, tag)
 
 
+@zoo_object("wall mirror", "bathroom", "hanging")  # an oval wall mirror, 700 mm high
 def _mirror() -> Surface:
-    """An oval wall mirror, 700 mm high."""
     oval = arc(1, 0, 360, 49)[:-1] * (240, 350) + (0, 350)
     inner = (oval - (0, 350)) * (0.89, 0.92) + (0, 350)
     glints = [
@@ -192,18 +185,16 @@ def _mirror() -> Surface:
     return join(plate(oval, (0, 22), p.GOLD, 0), plate(inner, (20, 26), p.SKY, 0), *glints)
 
 
+@zoo_object("towel hooks", "bathroom", "hanging")  # a board 450 mm wide with four towel hooks
 def _hooks() -> Surface:
-    """A board 450 mm wide with four towel hooks."""
     bend = [(16, 60), (30, 60), (42, 40), (52, 24), (66, 22), (74, 34), (74, 46)]
-    hook = join(tube([(x, 0, z) for x, z in bend], 6, p.STEEL), put(ellipsoid((18, 18, 18), p.STEEL), 74, 0, 50))
-    plates = put(pebble((6, 26, 60), p.STEEL, 5), 18, 0, 20)
-    return join(
-        put(pebble((20, 450, 90), p.BEECH, 8), 10), *[put(join(hook, plates), 0, y) for y in (-160, -53, 53, 160)]
-    )
+    hook = join(tube([(x, 0, z) for x, z in bend], 6, p.STEEL), ball((18, 18, 18), p.STEEL, 74, 0, 50))
+    plates = pebble((6, 26, 60), p.STEEL, 5, 18, 0, 20)
+    return join(pebble((20, 450, 90), p.BEECH, 8, 10), *[put(join(hook, plates), 0, y) for y in (-160, -53, 53, 160)])
 
 
+@zoo_object("Listerine", "bathroom", rare=True)  # a mouthwash of 500 ml, 200 mm high
 def _listerine() -> Surface:
-    """A mouthwash of 500 ml, 200 mm high."""
     body = loft(
         [(0, 26, 38), (8, 29, 41), (55, 29, 41), (80, 24, 34), (105, 29, 41), (140, 27, 38), (158, 12, 14)], p.TEAL
     )
@@ -212,36 +203,10 @@ def _listerine() -> Surface:
     return join(body, label, cap, put(wrapped(writing("LISTERINE", 62, p.NAVY, 1), 29.3, 1.41), z=38))
 
 
+@zoo_object("Nivea", "bathroom", rare=True)  # a tin of cream, 95 mm wide and 26 mm high
 def _nivea() -> Surface:
-    """A tin of cream, 95 mm wide and 26 mm high."""
     tin = join(
         cylinder(46, 14, p.BLUE, sides=40),
         put(lathe([(0, 12), (48, 12), (48, 24), (45, 26), (0, 26)], p.BLUE, sides=40)),
     )
     return join(tin, put(writing("NIVEA", 70, p.WHITE, 1), 11, 0, 25.7, pitch=-90))
-
-
-def objects() -> list[ZooObject]:
-    """Return the twenty objects."""
-    return [
-        zoo_object("toothbrush", "bathroom", _toothbrush(), "inside"),
-        zoo_object("toothpaste tube", "bathroom", _toothpaste()),
-        zoo_object("soap dispenser", "bathroom", _soap_dispenser()),
-        zoo_object("bar of soap in a dish", "bathroom", _soap()),
-        zoo_object("shampoo bottle", "bathroom", _shampoo()),
-        zoo_object("roll of toilet paper", "bathroom", _toilet_paper()),
-        zoo_object("hair dryer", "bathroom", _hair_dryer()),
-        zoo_object("hairbrush", "bathroom", _hairbrush()),
-        zoo_object("comb", "bathroom", _comb(), "inside"),
-        zoo_object("razor", "bathroom", _razor()),
-        zoo_object("shaving brush", "bathroom", _shaving_brush()),
-        zoo_object("rubber duck", "bathroom", _rubber_duck()),
-        zoo_object("folded bath towel", "bathroom", _towel()),
-        zoo_object("toilet brush", "bathroom", _toilet_brush(), "against wall"),
-        zoo_object("bathroom scale", "bathroom", _scale()),
-        zoo_object("perfume bottle", "bathroom", _perfume()),
-        zoo_object("wall mirror", "bathroom", _mirror(), "hanging"),
-        zoo_object("towel hooks", "bathroom", _hooks(), "hanging"),
-        zoo_object("Listerine", "bathroom", _listerine(), rare=True),
-        zoo_object("Nivea", "bathroom", _nivea(), rare=True),
-    ]

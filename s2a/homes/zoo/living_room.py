@@ -7,14 +7,15 @@ import numpy as np
 from s2a.homes.solids import WOOD, Surface, box, cylinder, ellipsoid, join, lathe
 from s2a.homes.zoo import shapes as p
 from s2a.homes.zoo.shapes import (
-    ZooObject,
     arc,
+    ball,
     in_plane,
     loft,
     pebble,
     plate,
     put,
     ring,
+    rod,
     settled,
     skin,
     smooth,
@@ -26,8 +27,8 @@ from s2a.homes.zoo.shapes import (
 ROUND = range(0, 360, 30)
 
 
+@zoo_object("framed painting", "living room", "hanging")  # a framed landscape, 600 by 450 mm
 def _image() -> Surface:
-    """A framed landscape, 600 by 450 mm."""
     frame = join(box((0, 24), (-300, 300), (0, 450), p.GOLD), box((0, 26), (-262, 262), (38, 412), p.WHITE))
     hill = np.concatenate(
         [[(-230, 70)], [(230, 70)], [(230, 150), (150, 190), (40, 170), (-60, 150), (-150, 190), (-230, 170)]]
@@ -45,8 +46,8 @@ def _image() -> Surface:
     )
 
 
+@zoo_object("wall clock", "living room", "hanging")  # 300 mm wide, at ten past ten
 def _wall_clock() -> Surface:
-    """300 mm wide, at ten past ten."""
     case = put(join(cylinder(150, 32, p.BLACK, sides=48), cylinder(134, 34, p.WHITE, sides=48)), 0, 0, 150, pitch=90)
     marks = [
         put(box((34, 36), (-w, w), (108, 126), p.BLACK), 0, 0, 150, roll=a)
@@ -57,24 +58,24 @@ def _wall_clock() -> Surface:
         put(box((35, 38), (-w, w), (-18, n), c), 0, 0, 150, roll=-a)
         for a, n, w, c in ((-55, 66, 5, p.BLACK), (60, 98, 4, p.BLACK), (180, 90, 1.5, p.RED))
     ]
-    return join(case, *marks, *hands, put(cylinder(9, 40, p.RED), 0, 0, 150, pitch=90))
+    return join(case, *marks, *hands, rod(9, 40, p.RED, 0, 0, 150, pitch=90))
 
 
+@zoo_object("bowl of oranges", "living room")  # a bowl of oranges, 280 mm wide
 def _orange_bowl() -> Surface:
-    """A bowl of oranges, 280 mm wide."""
     bowl = lathe(
         [(0, 0), (60, 0), (62, 8), (118, 50), (140, 90), (134, 90), (112, 54), (50, 14), (0, 14)], p.NAVY, sides=36
     )
     spots = [(70 * np.cos(a), 70 * np.sin(a), 82) for a in np.radians(range(0, 360, 60))] + [
         (36 * np.cos(a), 36 * np.sin(a), 136) for a in np.radians((30, 150, 270))
     ]
-    fruit = join(ellipsoid((78, 78, 74), p.ORANGE, sides=20), put(ellipsoid((8, 8, 5), p.LEAF), z=36))
-    leaf = put(ellipsoid((40, 18, 4), p.LEAF), 28, 0, 176, pitch=-20)
+    fruit = join(ellipsoid((78, 78, 74), p.ORANGE, sides=20), ball((8, 8, 5), p.LEAF, z=36))
+    leaf = ball((40, 18, 4), p.LEAF, 28, 0, 176, pitch=-20)
     return join(bowl, *[put(fruit, *spot, roll=12 * (i % 3)) for i, spot in enumerate([*spots, (0, 0, 60)])], leaf)
 
 
+@zoo_object("stack of books", "living room")  # five books in a stack, 150 mm high
 def _books() -> Surface:
-    """Five books in a stack, 150 mm high."""
     parts, z = [], 0.0
     paints = (p.NAVY, p.RED, p.GREEN, p.AMBER, p.PURPLE)
     for i, (high, wide, color) in enumerate(zip((38, 26, 34, 22, 28), (250, 236, 220, 205, 190), paints, strict=True)):
@@ -91,8 +92,8 @@ def _books() -> Surface:
     return join(*parts)
 
 
+@zoo_object("lantern", "living room")  # a lantern with a candle inside, 330 mm high
 def _lantern() -> Surface:
-    """A lantern with a candle inside, 330 mm high."""
     floor = [put(box((-75, 75), (-75, 75), (z, z + 14), p.BLACK)) for z in (0, 190)]
     posts = [box((x - 7, x + 7), (y - 7, y + 7), (10, 195), p.BLACK) for x in (-63, 63) for y in (-63, 63)]
     bars = [
@@ -100,55 +101,48 @@ def _lantern() -> Surface:
         for a in (0, 90, 180, 270)
     ]
     roof = put(lathe([(0, 0), (112, 0), (30, 56), (30, 72), (0, 72)], p.BLACK, sides=4), z=202, yaw=45)
-    candle = [put(cylinder(30, 80, p.CREAM), z=14), put(turned([(3, 0), (11, 14), (1, 42)], p.ORANGE), z=96)]
+    candle = [rod(30, 80, p.CREAM, z=14), put(turned([(3, 0), (11, 14), (1, 42)], p.ORANGE), z=96)]
     return join(*floor, *posts, *bars, roof, *candle, put(ring(34, 7, p.GOLD), 0, 0, 300, pitch=90))
 
 
+@zoo_object("record player", "living room")  # 420 mm wide
 def _record_player() -> Surface:
-    """420 mm wide."""
     case = join(
-        put(pebble((350, 420, 90), p.BROWN, 12, WOOD), z=12),
-        *[put(cylinder(20, 14, p.BLACK), x, y) for x in (-130, 130) for y in (-165, 165)],
+        pebble((350, 420, 90), p.BROWN, 12, z=12, texture=WOOD),
+        *[rod(20, 14, p.BLACK, x, y) for x in (-130, 130) for y in (-165, 165)],
     )
     disc = put(join(cylinder(152, 8, p.SILVER, sides=40), cylinder(148, 12, p.BLACK, sides=40)), 0, -40, 101)
     grooves = [put(ring(r, 2, p.DARK, sides=6), 0, -40, 113.2) for r in (70, 92, 112, 132)]
     label = put(join(cylinder(48, 2, p.RED), cylinder(4, 14, p.SILVER)), 0, -40, 112)
     pivot = put(join(cylinder(26, 20, p.DARK), cylinder(12, 34, p.SILVER)), -110, 160, 100)
     arm = tube([(-140, 166, 128), (-110, 160, 128), (40, 140, 124), (84, 72, 120)], 5, p.SILVER)
-    head = put(pebble((44, 22, 12), p.BLACK, 5), 88, 64, 114, yaw=-52)
-    return join(
-        case,
-        disc,
-        *grooves,
-        label,
-        pivot,
-        arm,
-        head,
-        *[put(cylinder(13, 12, p.SILVER), x, 170, 100) for x in (90, 130)],
-    )
+    head = pebble((44, 22, 12), p.BLACK, 5, 88, 64, 114, yaw=-52)
+    return join(case, disc, *grooves, label, pivot, arm, head, *[rod(13, 12, p.SILVER, x, 170, 100) for x in (90, 130)])
 
 
+@zoo_object("wreath", "living room", "hanging")  # a wreath of fir with red berries and a bow, 350 mm wide
 def _wreath() -> Surface:
-    """A wreath of fir with red berries and a bow, 350 mm wide."""
     rng = np.random.default_rng(1)
     hoop = put(ring(130, 52, p.LEAF, 0.7, 8), 32, 0, 175, pitch=90)
     twigs = []
     for a in np.arange(0, 360, 5):
-        needle = put(
-            ellipsoid((12, 16, 76), p.GREEN if a % 10 else p.LEAF, sides=6),
+        needle = ball(
+            (12, 16, 76),
+            p.GREEN if a % 10 else p.LEAF,
             36 + rng.uniform(-4, 16),
             rng.uniform(-12, 12),
             138,
             roll=rng.uniform(25, 75),
+            sides=6,
         )
         twigs.append(put(needle, 0, 0, 175, roll=float(a)))
     berries = [
-        put(ellipsoid((18, 18, 18), p.RED), 62, 130 * np.sin(a) + s, 175 + 130 * np.cos(a) + t)
+        ball((18, 18, 18), p.RED, 62, 130 * np.sin(a) + s, 175 + 130 * np.cos(a) + t)
         for a in np.radians(range(20, 360, 45))
         for s, t in ((0, 0), (16, 6), (4, 17))
     ]
-    bow = [put(ellipsoid((26, 86, 54), p.RED), 66, s * 44, 52, roll=s * 14) for s in (-1, 1)] + [
-        put(ellipsoid((36, 30, 30), p.WINE), 72, 0, 50)
+    bow = [ball((26, 86, 54), p.RED, 66, s * 44, 52, roll=s * 14) for s in (-1, 1)] + [
+        ball((36, 30, 30), p.WINE, 72, 0, 50)
     ]
     tails = [
         put(plate([(-14, 0), (14, 0), (18, -90), (0, -76), (-18, -90)], (0, 4), p.RED, 0), 64, s * 14, 46, roll=s * 16)
@@ -157,22 +151,20 @@ def _wreath() -> Surface:
     return join(hoop, *twigs, *berries, *bow, *tails)
 
 
+# A soprano ukulele, 530 mm long, leaning against the wall.
+@zoo_object("ukulele", "living room", "against wall", rare=True)
 def _ukulele() -> Surface:
-    """A soprano ukulele, 530 mm long, leaning against the wall."""
     side = smooth([(0, 0), (60, 6), (82, 60), (70, 105), (50, 130), (60, 175), (52, 215), (20, 232), (0, 234)], 30)
     outline = np.concatenate([side, side[-2:0:-1] * (-1, 1)])
     body = join(
         plate(outline, (0, 60), p.BROWN, 0), plate((outline - (0, 117)) * 0.96 + (0, 117), (59, 62), p.AMBER, 0)
     )
     hole = put(join(cylinder(27, 2, p.WALNUT), cylinder(23, 3, p.BLACK)), 61, 0, 146, pitch=90)
-    neck = join(put(pebble((26, 38, 250), p.BROWN, 6), 48, 0, 205), box((60, 66), (-18, 18), (180, 440), p.BLACK))
+    neck = join(pebble((26, 38, 250), p.BROWN, 6, 48, 0, 205), box((60, 66), (-18, 18), (180, 440), p.BLACK))
     frets = [box((66, 67.2), (-18, 18), (z, z + 2), p.SILVER) for z in np.linspace(215, 425, 10)]
     head = plate([(-20, 440), (20, 440), (30, 520), (12, 530), (-12, 530), (-30, 520)], (46, 60), p.BROWN, 0)
     pegs = [
-        join(
-            put(cylinder(4, 26, p.SILVER), 50, s * 38, z, roll=90 * s),
-            put(pebble((8, 16, 14), p.WHITE, 4), 50, s * 42, z - 7),
-        )
+        join(rod(4, 26, p.SILVER, 50, s * 38, z, roll=90 * s), pebble((8, 16, 14), p.WHITE, 4, 50, s * 42, z - 7))
         for s in (-1, 1)
         for z in (470, 502)
     ]
@@ -181,19 +173,17 @@ def _ukulele() -> Surface:
     return settled(put(join(body, hole, neck, *frets, head, *pegs, bridge, *strings), pitch=-14), 4)
 
 
+@zoo_object("Chinese vase", "living room")  # a blue and white vase, 320 mm high
 def _vase() -> Surface:
-    """A blue and white vase, 320 mm high."""
     body = turned([(55, 0), (60, 10), (100, 150), (90, 220), (40, 270), (38, 290), (52, 318)], p.WHITE, sides=32)
     bands = [put(ring(r, 6, p.BLUE), z=z) for r, z in ((61, 18), (41, 262), (51, 316), (91.5, 218))]
-    petals = [put(put(ellipsoid((8, 34, 34), p.BLUE), 97), z=150, yaw=a) for a in ROUND]
-    leaves = [
-        put(put(ellipsoid((8, 16, 40), p.NAVY), r), z=z, yaw=a + 15) for a in ROUND for r, z in ((93, 110), (96, 190))
-    ]
-    return join(body, *bands, *petals, *leaves, put(cylinder(44, 2, p.NAVY), z=318))
+    petals = [put(ball((8, 34, 34), p.BLUE, 97), z=150, yaw=a) for a in ROUND]
+    leaves = [put(ball((8, 16, 40), p.NAVY, r), z=z, yaw=a + 15) for a in ROUND for r, z in ((93, 110), (96, 190))]
+    return join(body, *bands, *petals, *leaves, rod(44, 2, p.NAVY, z=318))
 
 
+@zoo_object("potted cactus", "living room")  # in a pot, 260 mm high, with two arms and a flower
 def _cactus() -> Surface:
-    """In a pot, 260 mm high, with two arms and a flower."""
     pot = join(
         lathe([(0, 0), (48, 0), (60, 78), (0, 78)], p.TERRACOTTA),
         lathe([(0, 76), (68, 76), (70, 98), (58, 98), (56, 90), (0, 90)], p.TERRACOTTA),
@@ -206,7 +196,7 @@ def _cactus() -> Surface:
             tube(line + (0.86 * r * np.cos(a), 0.86 * r * np.sin(a) * (len(path) < 3), 0), 0.22 * r, p.GREEN, 6)
             for a in np.radians(ROUND)
         ]
-        return join(tube(line, r, p.LEAF, 14), *ribs, put(ellipsoid((2.1 * r,) * 3, p.LEAF), *line[-1]))
+        return join(tube(line, r, p.LEAF, 14), *ribs, ball((2.1 * r,) * 3, p.LEAF, *line[-1]))
 
     arms = [stem([(0, z), (s * 62, z + 4), (s * 66, z + 52)], 15) for s, z in ((-1, 150), (1, 172))]
     spots = [
@@ -214,14 +204,12 @@ def _cactus() -> Surface:
         for z in range(104, 226, 16)
         for a in ROUND
     ]
-    flower = [put(put(ellipsoid((26, 14, 12), p.ROSE), 12, pitch=-25), z=258, yaw=a) for a in ROUND[::2]]
-    return join(
-        pot, stem([(0, 85), (0, 225)], 33), *arms, *spots, *flower, put(ellipsoid((14, 14, 14), p.YELLOW), z=264)
-    )
+    flower = [put(ball((26, 14, 12), p.ROSE, 12, pitch=-25), z=258, yaw=a) for a in ROUND[::2]]
+    return join(pot, stem([(0, 85), (0, 225)], 33), *arms, *spots, *flower, ball((14, 14, 14), p.YELLOW, z=264))
 
 
+@zoo_object("candelabra", "living room")  # for five candles, 400 mm high
 def _candelabra() -> Surface:
-    """For five candles, 400 mm high."""
     foot = turned([(75, 0), (72, 10), (22, 24), (10, 50), (16, 70), (8, 100), (8, 240)], p.GOLD)
     arms = [
         tube(in_plane(smooth([(0, 140), (0.6 * r, 130), (r, 165), (r, z)], 16), 0), 6, p.GOLD)
@@ -229,14 +217,14 @@ def _candelabra() -> Surface:
     ]
     places = [(y, 225 if y else 240) for y in (-140, -70, 0, 70, 140)]
     cups = [put(lathe([(0, 0), (10, 0), (24, 12), (0, 14)], p.GOLD), 0, y, z) for y, z in places]
-    wax = [put(cylinder(10, 110, p.CREAM), 0, y, z + 12) for y, z in places]
+    wax = [rod(10, 110, p.CREAM, 0, y, z + 12) for y, z in places]
     flames = [put(turned([(2, 0), (7, 10), (1, 30)], p.ORANGE), 0, y, z + 124) for y, z in places]
     return join(foot, *arms, *cups, *wax, *flames)
 
 
+@zoo_object("hourglass", "living room")  # 180 mm high
 def _hourglass() -> Surface:
-    """180 mm high."""
-    ends = [put(cylinder(46, 12, p.WALNUT), z=z) for z in (0, 168)]
+    ends = [rod(46, 12, p.WALNUT, z=z) for z in (0, 168)]
     posts = [
         put(put(turned([(5, 10), (7, 40), (4, 90), (7, 140), (5, 170)], p.WALNUT), 38), yaw=a) for a in (60, 180, 300)
     ]
@@ -248,14 +236,14 @@ def _hourglass() -> Surface:
     return join(*ends, *posts, glass, *sand)
 
 
+@zoo_object("model sailing boat", "living room")  # a model on its stand, 420 mm high
 def _sailing_boat() -> Surface:
-    """A model on its stand, 420 mm high."""
     hull = loft([(0, 10, 90), (18, 30, 135, 0, 4), (44, 38, 160, 0, 10), (56, 38, 172, 0, 16)], p.RED)
     deck, stripe = (
         put(loft([(0, 34, 166, 0, 16), (3, 34, 166, 0, 16)], p.BEECH), z=56),
         loft([(40, 37.6, 158.5, 0, 9), (47, 39, 163.5, 0, 11.5)], p.WHITE),
     )
-    mast, boom = put(cylinder(4, 330, p.BROWN), 0, 10, 56), tube([(0, 10, 84), (0, -140, 90)], 3, p.BROWN)
+    mast, boom = rod(4, 330, p.BROWN, 0, 10, 56), tube([(0, 10, 84), (0, -140, 90)], 3, p.BROWN)
     sails = [
         plate([(4, 96), (-134, 100), (4, 370)], (-1.5, 1.5), p.WHITE, 0),
         plate([(18, 84), (176, 66), (16, 340)], (-1.5, 1.5), p.CREAM, 0),
@@ -269,21 +257,12 @@ def _sailing_boat() -> Surface:
         box((-50, 50), (-110, 110), (-44, -32), p.WALNUT)
     ]
     return join(
-        hull,
-        deck,
-        stripe,
-        mast,
-        boom,
-        *sails,
-        *stripes,
-        flag,
-        *stand,
-        put(pebble((36, 80, 22), p.WHITE, 5), 0, -60, 56),
+        hull, deck, stripe, mast, boom, *sails, *stripes, flag, *stand, pebble((36, 80, 22), p.WHITE, 5, 0, -60, 56)
     )
 
 
+@zoo_object("trophy", "living room")  # a cup on a plinth, 300 mm high
 def _trophy() -> Surface:
-    """A cup on a plinth, 300 mm high."""
     plinth = join(box((-50, 50), (-50, 50), (0, 60), p.WALNUT), box((50, 51.5), (-34, 34), (16, 44), p.GOLD))
     cup = turned([(40, 60), (36, 68), (10, 84), (8, 120), (14, 132), (58, 180), (66, 240), (72, 290)], p.GOLD)
     ears = [
@@ -295,16 +274,14 @@ def _trophy() -> Surface:
         for k, a in enumerate(np.radians(np.arange(0, 360, 36)))
         for r in ((26, 11)[k % 2],)
     ]
-    return join(
-        plinth, cup, *ears, put(plate(star, (0, 8), p.RED, 0), 60, 0, 232), put(cylinder(64, 2, p.AMBER), z=289)
-    )
+    return join(plinth, cup, *ears, put(plate(star, (0, 8), p.RED, 0), 60, 0, 232), rod(64, 2, p.AMBER, z=289))
 
 
+@zoo_object("bonsai", "living room")  # a small tree in a tray, 300 mm high
 def _bonsai() -> Surface:
-    """A small tree in a tray, 300 mm high."""
     tray = join(
-        put(pebble((150, 230, 50), p.NAVY, 6), z=8),
-        put(pebble((138, 216, 8), p.WALNUT, 6), z=54),
+        pebble((150, 230, 50), p.NAVY, 6, z=8),
+        pebble((138, 216, 8), p.WALNUT, 6, z=54),
         *[box((x, x + 20), (y, y + 20), (0, 20), p.NAVY) for x in (-60, 40) for y in (-95, 75)],
     )
     trunk = tube(
@@ -318,13 +295,15 @@ def _bonsai() -> Surface:
         for x, y, z, y0, z0 in ((10, 84, 158, 14, 125), (-6, -80, 190, -4, 165), (30, -30, 215, 4, 185))
     ]
     crowns = ((10, 92, 166, 120), (-6, -86, 200, 120), (0, 10, 258, 150), (34, -28, 224, 90), (-30, 36, 214, 90))
-    pads = [put(ellipsoid((0.8 * s, s, 0.42 * s), p.LEAF, sides=10), x, y, z) for x, y, z, s in crowns]
+    pads = [ball((0.8 * s, s, 0.42 * s), p.LEAF, x, y, z, sides=10) for x, y, z, s in crowns]
     tufts = [
-        put(
-            ellipsoid((0.4 * s, 0.4 * s, 0.3 * s), p.GREEN, sides=8),
+        ball(
+            (0.4 * s, 0.4 * s, 0.3 * s),
+            p.GREEN,
             x + 0.26 * s * np.cos(a),
             y + 0.33 * s * np.sin(a),
             z + 0.06 * s,
+            sides=8,
         )
         for x, y, z, s in crowns
         for a in np.radians(range(0, 360, 60))
@@ -332,8 +311,21 @@ def _bonsai() -> Surface:
     return join(tray, trunk, *boughs, *pads, *tufts)
 
 
+def _land(shore: np.ndarray) -> Surface:
+    """A continent from its shore (latitude, longitude) [rad], a thick skin over the globe that is fanned from its middle."""
+    middle = shore.mean(axis=0)
+    n = len(shore)
+    fine = np.concatenate([np.linspace(shore[i], shore[(i + 1) % n], 5)[:-1] for i in range(n)])
+    shells = []
+    for share in (0.01, 0.25, 0.5, 0.75, 1.0):
+        lat, lon = (middle + share * (fine - middle)).T
+        shells.append(np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1))
+    rings = [127.5 * s for s in shells] + [119 * s for s in shells[::-1]]
+    return skin(np.array(rings), False, p.GREEN)
+
+
+@zoo_object("globe", "living room")  # an earth globe on a stand, 380 mm high
 def _globe() -> Surface:
-    """An earth globe on a stand, 380 mm high."""
     lands = [
         [(20, -15), (32, 5), (20, 35), (5, 42), (-30, 25), (-33, 18), (0, 10), (5, -8)],
         [
@@ -356,27 +348,14 @@ def _globe() -> Surface:
     ball = join(
         ellipsoid((250, 250, 250), p.BLUE, sides=32), *[_land(np.radians(np.array(land, float))) for land in lands]
     )
-    tilted = put(join(ball, put(cylinder(4, 276, p.GOLD), z=-138)), z=235, yaw=-20, roll=23)
+    tilted = put(join(ball, rod(4, 276, p.GOLD, z=-138)), z=235, yaw=-20, roll=23)
     arm = put(tube(in_plane(arc(138, -90, 90, 25), 0), 6, p.GOLD), z=235, roll=23)
     foot = turned([(85, 0), (82, 12), (24, 26), (12, 50), (16, 100)], p.WALNUT)
     return join(tilted, arm, foot)
 
 
-def _land(shore: np.ndarray) -> Surface:
-    """A continent from its shore (latitude, longitude) [rad], a thick skin over the globe that is fanned from its middle."""
-    middle = shore.mean(axis=0)
-    n = len(shore)
-    fine = np.concatenate([np.linspace(shore[i], shore[(i + 1) % n], 5)[:-1] for i in range(n)])
-    shells = []
-    for share in (0.01, 0.25, 0.5, 0.75, 1.0):
-        lat, lon = (middle + share * (fine - middle)).T
-        shells.append(np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1))
-    rings = [127.5 * s for s in shells] + [119 * s for s in shells[::-1]]
-    return skin(np.array(rings), False, p.GREEN)
-
-
+@zoo_object("chessboard", "living room")  # a board of 400 mm with men in play
 def _chess() -> Surface:
-    """A board of 400 mm with men in play."""
     fields = [
         box(
             (48 * i - 192, 48 * i - 144), (48 * j - 192, 48 * j - 144), (17, 20.5), p.CREAM if (i + j) % 2 else p.WALNUT
@@ -386,9 +365,7 @@ def _chess() -> Surface:
     ]
 
     def pawn(color: tuple[int, int, int]) -> Surface:
-        return join(
-            turned([(15, 0), (14, 8), (6, 18), (6, 34)], color, sides=14), put(ellipsoid((19, 19, 19), color), z=40)
-        )
+        return join(turned([(15, 0), (14, 8), (6, 18), (6, 34)], color, sides=14), ball((19, 19, 19), color, z=40))
 
     def king(color: tuple[int, int, int]) -> Surface:
         cross = join(box((-2.5, 2.5), (-2.5, 2.5), (80, 98), color), box((-2.5, 2.5), (-8, 8), (86, 91), color))
@@ -411,8 +388,14 @@ def _chess() -> Surface:
     return join(box((-205, 205), (-205, 205), (0, 19), p.BROWN), *fields, *men)
 
 
+def _sheet(outer: np.ndarray, inner: np.ndarray) -> Surface:
+    """A closed shell between two grids of points [row column 3]."""
+    rings = np.concatenate([outer, inner[:, ::-1]], axis=1)
+    return skin(rings, False, p.SKY)
+
+
+@zoo_object("snow globe", "living room")  # 100 mm high: a snowman and a fir in a glass ball that is cut open in front
 def _snow_globe() -> Surface:
-    """100 mm high: a snowman and a fir in a glass ball that is cut open in front."""
     foot = lathe([(0, 0), (42, 0), (44, 8), (34, 30), (0, 30)], p.RED)
     plaque = put(box((0, 2), (-16, 16), (0, 10), p.GOLD), 38, 0, 10, pitch=-20)
     angles = np.radians(np.linspace(-45, 90, 14))
@@ -423,30 +406,25 @@ def _snow_globe() -> Surface:
     inner = shell * (0.96, 0.96, 1) + (0, 0, 0)
     glass = _sheet(shell, inner)
     snow = lathe([(0, 28), (33, 28), (38, 38), (20, 42), (0, 43)], p.WHITE)
-    man = [put(ellipsoid((s, s, s), p.WHITE), 8, -9, z) for s, z in ((24, 50), (17, 66), (12, 78))]
-    hat = join(put(cylinder(8, 2, p.BLACK), 8, -9, 83), put(cylinder(5, 8, p.BLACK), 8, -9, 84))
-    face = [put(ellipsoid((8, 2.5, 2.5), p.ORANGE), 16, -9, 77)] + [
-        put(ellipsoid((2, 2, 2), p.BLACK), 13.5, -9 + s, 80) for s in (-2.5, 2.5)
+    man = [ball((s, s, s), p.WHITE, 8, -9, z) for s, z in ((24, 50), (17, 66), (12, 78))]
+    hat = join(rod(8, 2, p.BLACK, 8, -9, 83), rod(5, 8, p.BLACK, 8, -9, 84))
+    face = [ball((8, 2.5, 2.5), p.ORANGE, 16, -9, 77)] + [
+        ball((2, 2, 2), p.BLACK, 13.5, -9 + s, 80) for s in (-2.5, 2.5)
     ]
     fir = [
         put(lathe([(0, 0), (r, 0), (1, r * 1.5), (0, r * 1.5)], p.GREEN, sides=10), -2, 14, z)
         for r, z in ((15, 44), (12, 56), (8, 68))
     ]
     flakes = [
-        put(ellipsoid((3, 3, 3), p.WHITE), *spot)
+        ball((3, 3, 3), p.WHITE, *spot)
         for spot in ((-24, -14, 80), (-26, 6, 88), (-20, 24, 76), (-30, -2, 70), (-10, -22, 88))
     ]
     return join(foot, plaque, glass, snow, *man, hat, *face, *fir, *flakes)
 
 
-def _sheet(outer: np.ndarray, inner: np.ndarray) -> Surface:
-    """A closed shell between two grids of points [row column 3]."""
-    rings = np.concatenate([outer, inner[:, ::-1]], axis=1)
-    return skin(rings, False, p.SKY)
-
-
+# A goldfish in a round bowl whose glass is left away in front, 220 mm high.
+@zoo_object("goldfish bowl", "living room")
 def _fish_bowl() -> Surface:
-    """A goldfish in a round bowl whose glass is left away in front, 220 mm high."""
     section = [(45, 0), (85, 20), (115, 70), (120, 110), (105, 165), (80, 200), (92, 212)]
     curve = smooth(section, 22)
     wall = np.array(
@@ -458,7 +436,7 @@ def _fish_bowl() -> Surface:
         lathe([(0, -0.5), (50, -0.5), (50, 3), (0, 3)], p.SKY),
     )
     stones = [
-        put(ellipsoid((24, 20, 16), c), 70 * np.cos(a), 70 * np.sin(a), 52)
+        ball((24, 20, 16), c, 70 * np.cos(a), 70 * np.sin(a), 52)
         for a, c in ((0.2, p.WHITE), (-0.5, p.GREY), (0.8, p.BROWN), (-1.1, p.SILVER))
     ]
     fish = join(
@@ -466,22 +444,22 @@ def _fish_bowl() -> Surface:
         put(plate([(0, 0), (-38, 30), (-28, 0), (-38, -30)], (-4, 4), p.ORANGE, 0), 0, -32),
         put(plate([(-24, 0), (18, 0), (-8, 24)], (-3, 3), p.RED, 0), 0, 0, 18),
     )
-    eyes = [put(ellipsoid((5, 10, 10), p.WHITE), 13, 24, 6), put(ellipsoid((4, 5, 5), p.BLACK), 15.5, 25, 6)]
+    eyes = [ball((5, 10, 10), p.WHITE, 13, 24, 6), ball((4, 5, 5), p.BLACK, 15.5, 25, 6)]
     weed = [
         tube([(x, y, 50), (x, y + 10, 90), (x, y - 6, 130), (x, y + 6, z)], [6, 8, 6, 2], p.LEAF, 6)
         for x, y, z in ((-30, 60, 175), (-46, 40, 155), (-40, 76, 140), (-40, -64, 150))
     ]
-    bubbles = [put(ellipsoid((8, 8, 8), p.WHITE), 10, 62, z) for z in (118, 134, 150)]
+    bubbles = [ball((8, 8, 8), p.WHITE, 10, 62, z) for z in (118, 134, 150)]
     return join(glass, base, *stones, put(join(fish, *eyes), 16, 0, 106), *weed, *bubbles)
 
 
+@zoo_object("Rubik's cube", "living room", rare=True)  # 57 mm wide, its upper layer turned
 def _rubiks_cube() -> Surface:
-    """57 mm wide, its upper layer turned."""
     faces = ((0, p.RED), (90, p.BLUE), (180, p.ORANGE), (270, p.GREEN))
     mixed = (p.RED, p.WHITE, p.BLUE, p.YELLOW, p.GREEN, p.ORANGE, p.RED, p.BLUE, p.WHITE)
     layers = []
     for k in range(3):
-        core = put(pebble((57, 57, 18.6), p.BLACK, 14), z=19.2 * k)
+        core = pebble((57, 57, 18.6), p.BLACK, 14, z=19.2 * k)
         tiles = [
             put(
                 box(
@@ -510,29 +488,3 @@ def _rubiks_cube() -> Surface:
         for j in range(3)
     ]
     return join(*layers, *top)
-
-
-def objects() -> list[ZooObject]:
-    """Return the objects of this module."""
-    return [
-        zoo_object("framed painting", "living room", _image(), "hanging"),
-        zoo_object("wall clock", "living room", _wall_clock(), "hanging"),
-        zoo_object("bowl of oranges", "living room", _orange_bowl()),
-        zoo_object("stack of books", "living room", _books()),
-        zoo_object("lantern", "living room", _lantern()),
-        zoo_object("record player", "living room", _record_player()),
-        zoo_object("wreath", "living room", _wreath(), "hanging"),
-        zoo_object("ukulele", "living room", _ukulele(), "against wall", rare=True),
-        zoo_object("Chinese vase", "living room", _vase()),
-        zoo_object("potted cactus", "living room", _cactus()),
-        zoo_object("candelabra", "living room", _candelabra()),
-        zoo_object("hourglass", "living room", _hourglass()),
-        zoo_object("model sailing boat", "living room", _sailing_boat()),
-        zoo_object("trophy", "living room", _trophy()),
-        zoo_object("bonsai", "living room", _bonsai()),
-        zoo_object("globe", "living room", _globe()),
-        zoo_object("chessboard", "living room", _chess()),
-        zoo_object("snow globe", "living room", _snow_globe()),
-        zoo_object("goldfish bowl", "living room", _fish_bowl()),
-        zoo_object("Rubik's cube", "living room", _rubiks_cube(), rare=True),
-    ]

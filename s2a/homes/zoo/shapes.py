@@ -5,8 +5,9 @@ Objects are built upright in millimetres and handed out in metres.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -14,7 +15,19 @@ from numpy.typing import ArrayLike
 from PIL import ImageFont
 from scipy.interpolate import PchipInterpolator
 
-from s2a.homes.solids import PLAIN, Color, Surface, box, join, lathe, painted, rotation, translation
+from s2a.homes.solids import (
+    PLAIN,
+    Color,
+    Surface,
+    box,
+    cylinder,
+    ellipsoid,
+    join,
+    lathe,
+    painted,
+    rotation,
+    translation,
+)
 
 LETTERS = 12
 """Size of the font that letters are drawn in, each of whose dots becomes part of a box."""
@@ -158,23 +171,33 @@ def plate(outline: ArrayLike, span: tuple[float, float], color: Color, axis: int
     return outwards(painted(vertices, np.concatenate([np.stack(f, axis=1) for f in faces]), color))
 
 
+def ball(size: Size, color: Color, *place: float, texture: int = PLAIN, sides: int = 12, **turn: float) -> Surface:
+    """Return an ellipsoid of given full extents, turned and moved by the arguments of `put`."""
+    return put(ellipsoid(size, color, texture, sides), *place, **turn)
+
+
+def rod(radius: float, height: float, color: Color, *place: float, sides: int = 24, **turn: float) -> Surface:
+    """Return a cylinder that stands on the origin, turned and moved by the arguments of `put`."""
+    return put(cylinder(radius, height, color, sides=sides), *place, **turn)
+
+
 def pebble(
-    size: tuple[float, float, float], color: Color, power: float = 3.0, texture: int = PLAIN, sides: int = 32
+    size: Size, color: Color, power: float = 3.0, *place: float, texture: int = PLAIN, sides: int = 32, **turn: float
 ) -> Surface:
-    """Return a superellipsoid that stands on z = 0: power 2 is an ellipsoid, 6 a box with round edges."""
+    """Return a superellipsoid on z = 0, then `put`: power 2 is an ellipsoid, 6 a box with round edges."""
     up, around = np.linspace(-np.pi / 2, np.pi / 2, 15), 2 * np.pi * np.arange(sides) / sides
 
     def bulge(value: np.ndarray) -> np.ndarray:
         return np.sign(value) * np.abs(np.where(np.abs(value) < 1e-9, 0.0, value)) ** (2 / power)
 
-    ball = lathe([(1.0, float(z)) for z in up], color, texture, sides)
+    sphere = lathe([(1.0, float(height)) for height in up], color, texture, sides)
     level = np.repeat(up, sides)
-    x, y = np.tile(bulge(np.cos(around)), 15), np.tile(bulge(np.sin(around)), 15)
-    vertices = np.stack([bulge(np.cos(level)) * x, bulge(np.cos(level)) * y, bulge(np.sin(level))], axis=1)
-    a, b, c = np.moveaxis(vertices[ball.faces], 1, 0)
+    across = [np.tile(bulge(wave), 15) for wave in (np.cos(around), np.sin(around))]
+    vertices = np.stack([*(bulge(np.cos(level)) * each for each in across), bulge(np.sin(level))], axis=1)
+    a, b, c = np.moveaxis(vertices[sphere.faces], 1, 0)
     full = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9
-    ball = replace(painted(vertices, ball.faces[full], color, texture))
-    return put(scaled(ball, *(np.array(size) / 2)), z=size[2] / 2)
+    solid = painted(vertices, sphere.faces[full], color, texture)
+    return put(put(scaled(solid, *(np.array(size) / 2)), z=size[2] / 2), *place, **turn)
 
 
 def writing(text: str, width: float, color: Color, depth: float = 0.5) -> Surface:
@@ -200,56 +223,19 @@ def wrapped(surface: Surface, radius: float, squeeze: float = 1.0) -> Surface:
     return replace(surface, vertices=vertices)
 
 
-BLACK, DARK, GREY, STEEL, SILVER, WHITE = (
-    (32, 32, 36),
-    (70, 70, 76),
-    (130, 132, 136),
-    (176, 180, 186),
-    (210, 212, 216),
-    (246, 246, 243),
-)
-RED, ROSE, PINK, ORANGE, AMBER, YELLOW = (
-    (204, 40, 40),
-    (212, 92, 130),
-    (243, 164, 186),
-    (240, 132, 30),
-    (222, 158, 44),
-    (252, 212, 56),
-)
-GREEN, LEAF, TEAL, SKY, BLUE, NAVY, PURPLE = (
-    (52, 160, 84),
-    (60, 132, 56),
-    (38, 150, 150),
-    (160, 206, 236),
-    (40, 92, 190),
-    (28, 46, 104),
-    (122, 70, 160),
-)
-LIME, SCREEN, TERRACOTTA, IVORY = (
-    (206, 230, 40),
-    (176, 200, 168),
-    (196, 104, 66),
-    (232, 214, 170),
-)
-STRAW, BRONZE, CHOCOLATE, WINE, BOTTLE = (
-    (232, 200, 120),
-    (186, 118, 56),
-    (74, 40, 24),
-    (122, 24, 44),
-    (40, 104, 60),
-)
-CREAM, TAN, BEECH, BROWN, WALNUT, GOLD, COPPER = (
-    (248, 236, 206),
-    (214, 178, 128),
-    (206, 160, 104),
-    (134, 84, 44),
-    (84, 52, 32),
-    (218, 172, 60),
-    (190, 110, 70),
-)
-
+Size = tuple[float, float, float]
+BLACK, DARK, GREY, STEEL = (32, 32, 36), (70, 70, 76), (130, 132, 136), (176, 180, 186)
+SILVER, WHITE, RED, ROSE = (210, 212, 216), (246, 246, 243), (204, 40, 40), (212, 92, 130)
+PINK, ORANGE, AMBER, YELLOW = (243, 164, 186), (240, 132, 30), (222, 158, 44), (252, 212, 56)
+GREEN, LEAF, TEAL, SKY = (52, 160, 84), (60, 132, 56), (38, 150, 150), (160, 206, 236)
+BLUE, NAVY, PURPLE, LIME = (40, 92, 190), (28, 46, 104), (122, 70, 160), (206, 230, 40)
+SCREEN, TERRACOTTA, IVORY, STRAW = (176, 200, 168), (196, 104, 66), (232, 214, 170), (232, 200, 120)
+BRONZE, CHOCOLATE, WINE, BOTTLE = (186, 118, 56), (74, 40, 24), (122, 24, 44), (40, 104, 60)
+CREAM, TAN, BEECH, BROWN = (248, 236, 206), (214, 178, 128), (206, 160, 104), (134, 84, 44)
+WALNUT, GOLD, COPPER = (84, 52, 32), (218, 172, 60), (190, 110, 70)
 
 Category = Literal["bathroom", "kitchen", "bedroom", "stationery", "living room"]
+"""The kinds of places that objects belong to, in the order in which the zoo has them."""
 Placement = Literal["on", "against wall", "hanging", "inside"]
 
 
@@ -277,11 +263,23 @@ class ZooObject:
         return "_".join("".join(c if c.isalnum() else " " for c in self.label.lower()).split())
 
 
+Maker = Callable[[], Surface]
+MAKERS: list[Callable[[], ZooObject]] = []
+"""What makes the objects of the modules that were imported."""
+
+
 def zoo_object(
-    label: str, category: Category, surface: Surface, placement: Placement = "on", *, rare: bool = False
-) -> ZooObject:
-    """Return the object that a shape in millimetres is, set on z = 0."""
-    shape = scaled(surface, 1e-3, 1e-3, 1e-3)
-    low = shape.vertices.min(axis=0)
-    shape.vertices[:, 2] -= low[2]
-    return ZooObject(label, category, shape, placement, rare)
+    label: str, category: Category, placement: Placement = "on", *, rare: bool = False
+) -> Callable[[Maker], Maker]:
+    """Return a decorator for what makes a shape in millimetres: the zoo has it as an object, set on z = 0."""
+
+    def made(make: Maker) -> ZooObject:
+        shape = scaled(make(), 1e-3, 1e-3, 1e-3)
+        shape.vertices[:, 2] -= shape.vertices[:, 2].min()
+        return ZooObject(label, category, shape, placement, rare)
+
+    def add(make: Maker) -> Maker:
+        MAKERS.append(partial(made, make))
+        return make
+
+    return add

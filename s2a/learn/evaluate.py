@@ -61,17 +61,18 @@ def run_episodes(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda
 def summary(env: VecEnv, column: Mapping[str, torch.Tensor]) -> dict[str, Any]:
     """Return what finished episodes came to, from their results by column [episode]; see `evaluate`."""
     task, results = env.task, env.task.RESULTS
-    values = {
-        name: {"mean": float(column[name].mean()), "min": float(column[name].min()), "max": float(column[name].max())}
-        for name in results.values
-    }
     return {
         "metrics_version": results.version,
         "thresholds": dict(task.thresholds),
         **{name: rate(float(column[name].sum()), len(column[name])) for name in results.rates},
-        **values,
+        **{name: spread(column[name]) for name in results.values},
         **{name: int(column[name].sum()) for name in ERRORS},
     }
+
+
+def spread(values: torch.Tensor) -> dict[str, float]:
+    """Return mean, min and max of values, shape [episode]."""
+    return {"mean": float(values.mean()), "min": float(values.min()), "max": float(values.max())}
 
 
 def rate(hits: float, episodes: float) -> dict[str, float]:
@@ -262,12 +263,18 @@ def evaluate_soft(
 
 def _soft_summary(rows: list[dict[str, Any]], metrics: SoftMetrics) -> dict[str, Any]:
     """Return what rows came to."""
-    found: dict[str, Any] = {"episodes": len(rows), "metrics_version": SOFT_VERSION, "thresholds": asdict(metrics)}
-    found |= {name: rate(sum(row.get(name, False) for row in rows), len(rows)) for name in COLUMNS}
     simulated = [row for row in rows if "limit_use" in row]
-    for name in VALUES if simulated else ():
-        values = [row[name] for row in simulated]
-        found[name] = {"mean": float(np.mean(values)), "min": min(values), "max": max(values)}
     limits = simulated[0]["limit_use"] if simulated else ()
-    used = {name: max(row["limit_use"][name] for row in simulated) for name in limits}
-    return found | {"limit_use": used, "trials": rows}
+    return {
+        "episodes": len(rows),
+        "metrics_version": SOFT_VERSION,
+        "thresholds": asdict(metrics),
+        **{name: rate(sum(row.get(name, False) for row in rows), len(rows)) for name in COLUMNS},
+        **{
+            name: spread(torch.tensor([row[name] for row in simulated], dtype=torch.float64))
+            for name in VALUES
+            if simulated
+        },
+        "limit_use": {name: max(row["limit_use"][name] for row in simulated) for name in limits},
+        "trials": rows,
+    }

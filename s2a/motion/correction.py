@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -34,19 +34,11 @@ PART_OFF = 0.15
 
 
 class Worlds(Protocol):
-    """The worlds of a simulation."""
+    """The worlds of a simulation, rigid or soft: how many, where targets are computed, and the robot in each."""
 
-    @property
-    def num_envs(self) -> int:
-        """How many there are."""
-
-    @property
-    def device(self) -> Any:
-        """Where the targets are computed."""
-
-    @property
-    def robot(self) -> RobotSpec:
-        """The robot in each."""
+    num_envs: int
+    device: str
+    robot: RobotSpec
 
 
 class Correction:
@@ -204,9 +196,10 @@ class TrackedPart:
 
     def __init__(self, sim: Simulation, part: str) -> None:
         """Find a part of the simulation's room by its id."""
-        found = sim.stage.room.articulations[part]
-        self._sim, self.joint, self._lever = sim, found.joint, lever_arm(found.joint, np.array(found.grasp.point))
-        self._coord, self.base = axis_of(sim.world, part, found.joint.kind)[0], matrix(sim.stage.base)
+        articulation = sim.stage.room.articulations[part]
+        self._sim, self.joint, self.base = sim, articulation.joint, matrix(sim.stage.base)
+        self._lever = lever_arm(self.joint, np.array(articulation.grasp.point))
+        self._coord, _ = axis_of(sim.world, part, self.joint.kind)
 
     def coordinates(self, worlds: torch.Tensor) -> np.ndarray:
         """Return its coordinates in some worlds [world], bool; shape [some]."""

@@ -61,11 +61,11 @@ class ObjectGrasps:
 
 def solids(hulls: Sequence[Mesh]) -> list[np.ndarray]:
     """Return the planes of convex hulls, inside where n.x + d <= 0, shape [plane 4] each."""
-    found = []
+    planes = []
     for hull in hulls:
         mesh = trimesh.convex.convex_hull(np.asarray(hull.vertices, float))
-        found.append(np.c_[mesh.face_normals, -(mesh.face_normals * mesh.triangles[:, 0]).sum(axis=1)])
-    return found
+        planes.append(np.c_[mesh.face_normals, -(mesh.face_normals * mesh.triangles[:, 0]).sum(axis=1)])
+    return planes
 
 
 def object_grasps(
@@ -125,14 +125,14 @@ def _pinches(
     opposite = _normals_at(own[0] + own[2][:, None] * own[1], own[1], planes)
     between = own[1] + opposite
     between /= np.linalg.norm(between, axis=1, keepdims=True)
-    found = [own, _antipodal(own[0], -own[1], between, planes, widest)]
+    pairs = [own, _antipodal(own[0], -own[1], between, planes, widest)]
     if up is not None:
         for at, normal, axis in ((points, normals, -normals), (own[0], -own[1], between)):
             level = axis - (axis @ up)[:, None] * up
             length = np.linalg.norm(level, axis=1)
             flat = length >= CONE
-            found.append(_antipodal(at[flat], normal[flat], level[flat] / length[flat, None], planes, widest))
-    return tuple(np.concatenate(each) for each in zip(*found, strict=True))  # type: ignore[return-value]
+            pairs.append(_antipodal(at[flat], normal[flat], level[flat] / length[flat, None], planes, widest))
+    return tuple(np.concatenate(each) for each in zip(*pairs, strict=True))  # type: ignore[return-value]
 
 
 def _normals_at(points: np.ndarray, axis: np.ndarray, planes: Sequence[np.ndarray]) -> np.ndarray:
@@ -215,7 +215,7 @@ def _held(
     rest = [off - stop[:, None] for off, stop in zip((before, behind), stops, strict=True)]
     holds = there & (rest[0] <= flat) & (rest[1] <= flat)
     at = np.array(offsets)
-    middle, whole = (found @ at / np.maximum(found.sum(axis=1), 1)[:, None] for found in (holds, there))
+    middle, whole = (mask @ at / np.maximum(mask.sum(axis=1), 1)[:, None] for mask in (holds, there))
     return holds.mean(axis=1), np.linalg.norm(middle - whole, axis=1), stops
 
 
@@ -227,14 +227,14 @@ def _in_solid(
     Or its body comes nearer to them than `body_gap` [m], where that is not 0. Where hulls meet, a finger can lie within one of
     them, none of whose surface is in the finger.
     """
-    spheres, found = gripper_spheres(gripper), np.zeros(len(tool), bool)
+    spheres, inside = gripper_spheres(gripper), np.zeros(len(tool), bool)
     least = np.where((spheres.side == 0) & (body_gap > 0.0), spheres.radii + body_gap, 0.5 * spheres.radii)
     for k in range(0, len(tool), 256):
         centers = spheres.placed(tool[k : k + 256], opened[k : k + 256])
         for plane in planes:
             off = (centers @ plane[:, :3].T + plane[:, 3]).max(axis=2)
-            found[k : k + 256] |= (off < least).any(axis=1)
-    return found
+            inside[k : k + 256] |= (off < least).any(axis=1)
+    return inside
 
 
 def _ledges(
@@ -321,8 +321,8 @@ def refuse_ungraspable(room: SimRoom, target: str, spec: RobotSpec, contact: Con
     body = room.free[target]
     up = matrix(np.array([*body.position, *body.orientation]))[2, :3]
     hulls = [c.mesh for c in body.colliders]
-    found = object_grasps(hulls, np.array(body.mass.center), spec.gripper, 0, SAMPLES[-1], contact, up)
-    if not len(found.tool):
+    grasps = object_grasps(hulls, np.array(body.mass.center), spec.gripper, 0, SAMPLES[-1], contact, up)
+    if not len(grasps.tool):
         points = np.concatenate([hull.vertices for hull in hulls])
         raise ungraspable(target, float(np.ptp(points, axis=0).min()), spec)
 

@@ -40,10 +40,10 @@ class Spheres:
     def placed(self, tool: np.ndarray, opened: np.ndarray | None = None, every: int = 1) -> np.ndarray:
         """Return the centers [pose sphere 3] at tool poses [pose 4 4] and distances of the pads [m] [pose]; None: fully open."""
         centers, side = self.centers[::every], self.side[::every]
-        found = centers @ tool[:, :3, :3].transpose(0, 2, 1) + tool[:, None, :3, 3]
+        places = centers @ tool[:, :3, :3].transpose(0, 2, 1) + tool[:, None, :3, 3]
         if opened is not None:
-            found += (0.5 * (opened - self.most))[:, None, None] * side[:, None] * tool[:, None, :3, 1]
-        return found
+            places += (0.5 * (opened - self.most))[:, None, None] * side[:, None] * tool[:, None, :3, 1]
+        return places
 
 
 def opening(width: np.ndarray, gripper: GripperSpec) -> np.ndarray:
@@ -60,15 +60,15 @@ def inside_gripper(tool: np.ndarray, opened: np.ndarray, surface: np.ndarray, gr
         surface: points [point 3].
         gripper: which.
     """
-    found = np.zeros(len(tool), bool)
+    inside = np.zeros(len(tool), bool)
     for k in range(0, len(tool), 512):
         some, closed = tool[k : k + 512], 0.5 * (gripper.max_opening - opened[k : k + 512])
         local = surface @ some[:, :3, :3] - some[:, None, :3, 3] @ some[:, :3, :3]
         for (low, high), side in zip(gripper_boxes(gripper), (1, -1, 0), strict=True):
             moved = local + side * closed[:, None, None] * [0.0, 1.0, 0.0]
             within = (moved > low - CLEARANCE / 2) & (moved < high + CLEARANCE / 2)
-            found[k : k + 512] |= within.all(axis=2).any(axis=1)
-    return found
+            inside[k : k + 512] |= within.all(axis=2).any(axis=1)
+    return inside
 
 
 def gripper_boxes(gripper: GripperSpec) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -95,15 +95,15 @@ def gripper_spheres(gripper: GripperSpec, fingers: bool = True) -> Spheres:
     it by up to 20 mm, which is what is free beside many an object.
     """
     *both, body = gripper_boxes(gripper)
-    found = [(*_filled(*body, 0.25 * float((body[1] - body[0]).min())), 0)]
+    filled = [(*_filled(*body, 0.25 * float((body[1] - body[0]).min())), 0)]
     if fingers:
-        found += [
+        filled += [
             (*_filled(low, high, 0.5 * float(np.sort(high - low)[:2].mean())), side)
             for (low, high), side in zip(both, (1, -1), strict=True)
         ]
-    centers, radii = (np.concatenate([each[k] for each in found]) for k in range(2))
+    centers, radii = (np.concatenate([each[k] for each in filled]) for k in range(2))
     return Spheres(
-        centers, radii, np.repeat([s for *_, s in found], [len(r) for _, r, _ in found]), gripper.max_opening
+        centers, radii, np.repeat([s for *_, s in filled], [len(r) for _, r, _ in filled]), gripper.max_opening
     )
 
 

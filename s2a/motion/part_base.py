@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from s2a.motion.gripper import gripper_boxes, gripper_spheres
 from s2a.motion.obstacles import Obstacles, moved_room
 from s2a.motion.open import beside_part, moving_part
-from s2a.motion.search import Follow, Miss, Search, Stand, Unreachable, around, chunks
+from s2a.motion.search import IK_SEEDS, Follow, Miss, Search, Stand, Unreachable, around, chunks
 from s2a.motion.workcell import MovingPart, Workcell, lines, noisy_starts
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.spec import GripperSpec, RobotSpec
@@ -127,8 +127,8 @@ def _touching(spot: np.ndarray, frame: np.ndarray, normal: np.ndarray, gripper: 
     return np.array([*(spot - PRESS * normal - foremost), *Rotation.from_matrix(frame).as_quat()])
 
 
-IK_SEEDS, BRANCHES, AT_ONCE = 12, 4, 24
-"""Starts of the inverse kinematics at each base, joint paths that are looked at there, and bases that are tried together."""
+BRANCHES, AT_ONCE = 4, 24
+"""Joint paths that are looked at from each base, and bases that are tried together."""
 PEDESTALS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """[m] Heights of what the robot may stand on; as `s2a prepare` has them."""
 BENT = 12

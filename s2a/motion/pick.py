@@ -41,13 +41,8 @@ ALIGN = 1.0
 class EndsConfig(Protocol):
     """The settings of a task that say where an object starts and where it is placed; see `places.place_poses`."""
 
-    @property
-    def start(self) -> str | None:
-        """Where it starts."""
-
-    @property
-    def place(self) -> str | None:
-        """Where it is placed."""
+    start: str | None
+    place: str | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,10 +77,10 @@ def read_stage(
     """
     room = sim_stage.read(path, visuals=False)
     target, spec = free_object(room, part), robots.load(robot or DEFAULT_ROBOT)
-    known = GraspCache(room.free[target], spec.gripper)
+    grasps = GraspCache(room.free[target], spec.gripper)
 
     def plan_with(ends: Ends, contact: Contact) -> PickPlan:
-        return plan_pick(PickTask(room, target, *ends, motion.approach), spec, contacts=(contact,), known=known)
+        return plan_pick(PickTask(room, target, *ends, motion.approach), spec, contacts=(contact,), grasps=grasps)
 
     (start, goal), plan = firmest(room, target, spec, lambda: _ends(room, target, config), plan_with)
     return PickStage(**of_object(path, room, target, start, goal, plan, spec, also), start=start, goal=goal, plan=plan)

@@ -12,7 +12,7 @@ import numpy as np
 from s2a.motion.grasps import SAMPLES, GraspCache, ObjectGrasps, failure
 from s2a.motion.gripper import FIRM, Contact, gripper_depth, is_near
 from s2a.motion.obstacles import Obstacles, surface_points
-from s2a.motion.search import Follow, Search, Stand, around, chunks, reached
+from s2a.motion.search import IK_SEEDS, Follow, Search, Stand, around, chunks, reached
 from s2a.motion.workcell import Workcell
 from s2a.robot.collision import Penetration, robot_shape
 from s2a.robot.spec import RobotSpec
@@ -31,8 +31,6 @@ BLOCK = 256
 """Grasps that are looked at together."""
 ENOUGH = 8
 """Grasps of different directions from which no more are looked for."""
-IK_SEEDS = 12
-"""Starts of the inverse kinematics."""
 WIDE = 0.02, 0.01
 """[m] More than needed, by which arm and held object keep from the room where that can be done: an arm lags behind its motion and
 cuts its corners, by 2 cm before a mirror cabinet, and an object that has slipped by a few millimetres met what it was to pass."""
@@ -142,7 +140,7 @@ def plan_pick(
     seed: int = 0,
     fits: Fits | None = None,
     contacts: Sequence[Contact] = (FIRM,),
-    known: GraspCache | None = None,
+    grasps: GraspCache | None = None,
 ) -> PickPlan:
     """Return how a robot picks an object at a pose and places it at another.
 
@@ -152,21 +150,21 @@ def plan_pick(
         seed: of the searches.
         fits: which bases will do, of those where the robot can stand; None: all.
         contacts: how the object may be held, those that come first where there is a plan with them.
-        known: grasps of this object by this robot, for several calls.
+        grasps: grasps of this object by this robot, for several calls.
 
     Raises:
         Unreachable: no grasp, base or path was found.
     """
-    planner = PickPlanner(task, spec, known or GraspCache(task.room.free[task.target], spec.gripper), seed)
+    planner = PickPlanner(task, spec, grasps or GraspCache(task.room.free[task.target], spec.gripper), seed)
     return planner.plan(fits, contacts)
 
 
 class PickPlanner:
     """Base, grasp and paths for an object, cheapest tests first."""
 
-    def __init__(self, task: PickTask, spec: RobotSpec, known: GraspCache, seed: int) -> None:
+    def __init__(self, task: PickTask, spec: RobotSpec, grasps: GraspCache, seed: int) -> None:
         """Take what is done, by which robot, and the object's grasps."""
-        self._spec, self._known, self._seed, self._target = spec, known, seed, task.target
+        self._spec, self._grasps, self._seed, self._target = spec, grasps, seed, task.target
         self._start, self._goal, self._approach = matrix(task.start), matrix(task.goal), task.approach
         self._cell = Workcell(spec, Obstacles.of_room(task.room, {task.target}, (task.start[:3] + task.goal[:3]) / 2))
         self._points = surface_points([c.mesh for c in task.room.free[task.target].colliders])
@@ -177,14 +175,14 @@ class PickPlanner:
         up, tried = self._start[2, :3], []
         for contact in contacts:
             for samples in SAMPLES:
-                every = self._known(samples, contact, up)
-                kept = self._diverse(every)
-                tried.append((every, bool(kept)))
-                if kept and (plan := self._with(every[kept], fits)) is not None:
+                every = self._grasps(samples, contact, up)
+                clear = self._diverse(every)
+                tried.append((every, bool(clear)))
+                if clear and (plan := self._with(every[clear], fits)) is not None:
                     return plan
-                if len(kept) >= ENOUGH:
+                if len(clear) >= ENOUGH:
                     break
-        nearest = 0.0 if any(clear for _, clear in tried) else self._least([every for every, _ in tried])
+        nearest = 0.0 if any(is_clear for _, is_clear in tried) else self._least([every for every, _ in tried])
         size = float(np.ptp(self._points, axis=0).min())
         raise failure(self._target, nearest, size, self._search.misses, self._spec)
 
@@ -199,8 +197,8 @@ class PickPlanner:
         places = {"grasp": self._start, "place": self._goal}
         later: list[tuple[Stand, int]] = []
         for some in chunks(around(self._cell, self._start, self._goal), BASES):
-            kept = some if fits is None else fits(some)
-            for stand, k, clear in reached(self._cell, places, kept, grasps, self._seed, self._search.misses):
+            stands = some if fits is None else fits(some)
+            for stand, k, clear in reached(self._cell, places, stands, grasps, self._seed, self._search.misses):
                 if clear:
                     yield stand, k
                 else:
@@ -228,23 +226,23 @@ class PickPlanner:
 
         No two have nearly the same direction, so that those near to one that is kept need not be looked at.
         """
-        kept: list[int] = []
+        chosen: list[int] = []
         for block in chunks(iter(range(len(grasps.tool))), BLOCK):
-            some = [k for k in block if not is_near(grasps.tool[k], grasps.tool[kept])]
+            some = [k for k in block if not is_near(grasps.tool[k], grasps.tool[chosen])]
             depth = self._depth(grasps[some]) if some else np.zeros(0)
             for k, reached_into in zip(some, depth, strict=True):
                 # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
-                if reached_into <= 0.0 and not is_near(grasps.tool[k], grasps.tool[kept]):
-                    kept.append(k)
-                if len(kept) == GRASPS:
-                    return kept
-        return kept
+                if reached_into <= 0.0 and not is_near(grasps.tool[k], grasps.tool[chosen]):
+                    chosen.append(k)
+                if len(chosen) == GRASPS:
+                    return chosen
+        return chosen
 
     def _paths(self, pairs: list[tuple[Stand, int]], grasps: ObjectGrasps) -> Iterator[StraightPaths]:
         """Yield the straight paths for bases and indices of grasps; what fails is noted."""
         stands, remedy = [stand for stand, _ in pairs], "; choose a place with more room"
         ups = np.stack([there_and_up(self._start @ grasps.tool[k], self._approach) for _, k in pairs])
-        up = Follow("approach and lift", 1, ups, self._meets, IK_SEEDS, kept=BRANCHES, remedy=remedy)
+        up = Follow("approach and lift", 1, ups, self._meets, IK_SEEDS, clear=BRANCHES, remedy=remedy)
         partial, downs = [], []
         for k, path in self._search.followed(stands, up):
             at = len(path) - 1 - round(LIFT / STEP)
@@ -258,7 +256,7 @@ class PickPlanner:
             return
         lifted = np.stack([path[-1] for _, path, *_ in partial])
         lower = Follow(
-            "lowering and retreat", 2, np.stack(downs), self._meets, IK_SEEDS, kept=BRANCHES, near=lifted,
+            "lowering and retreat", 2, np.stack(downs), self._meets, IK_SEEDS, clear=BRANCHES, near=lifted,
             may_flip=False, remedy=remedy,
         )  # fmt: skip
         for k, path in self._search.followed([stand for stand, *_ in partial], lower):

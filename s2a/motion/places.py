@@ -54,11 +54,11 @@ GAP = 0.001
 
 def free_object(room: SimRoom, name: str | None) -> str:
     """Return the id of a free object; None stands for the only one. InputError: there is none such; it lists them."""
-    known = ", ".join(room.free) or "none; give s2a prepare free=[...]"
+    possible = ", ".join(room.free) or "none; give s2a prepare free=[...]"
     if name is None and len(room.free) == 1:
         return next(iter(room.free))
     if name not in room.free:
-        raise InputError(f"part={name} is no free object of room {room.name!r}; possible: {known}")
+        raise InputError(f"part={name} is no free object of room {room.name!r}; possible: {possible}")
     return name
 
 
@@ -125,15 +125,15 @@ def nearby_placements(room: SimRoom, name: str, other: np.ndarray, level: float 
     near = Obstacles.of_room(room, {name}, other[:3])
     own = near.below(other[None, :3])[1][0]
     away = {i: _distance(near, i, other) for i in dict.fromkeys(near.names) if i != own and i not in room.free}
-    found = 0
+    count = 0
     for support in [own, *sorted(away, key=lambda i: away[i])]:
         spots = (
             pose for pose in _placements(room, name, support, other, near, level) if abs(pose[2] - other[2]) <= HIGH
         )
         for pose in itertools.islice(spots, OF_ONE):
-            found += 1
+            count += 1
             yield pose
-    if not found:
+    if not count:
         raise InputError(f"nothing within {FAR:.1f} m of {name!r} has a level spot that is free for it; give a pose")
 
 
@@ -156,16 +156,16 @@ def free_placements(
     """
     near = Obstacles.of_room(room, {name}, other[:3])
     if support not in near.names:
-        known = ", ".join(dict.fromkeys(near.names))
-        raise InputError(f"{support!r} supports nothing within 2 m of {name!r}; near are: {known}")
-    found = _placements(room, name, support, other, near, level)
-    first = next(found, None)
+        supports = ", ".join(dict.fromkeys(near.names))
+        raise InputError(f"{support!r} supports nothing within 2 m of {name!r}; near are: {supports}")
+    poses = _placements(room, name, support, other, near, level)
+    first = next(poses, None)
     if first is None:
         raise InputError(
             f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands"
         )
     yield first
-    yield from found
+    yield from poses
 
 
 def _placements(
@@ -300,7 +300,7 @@ def inside_placements(room: SimRoom, name: str, part: str, q: float) -> list[tup
     points = surface_points([c.mesh for c in body.colliders]) @ matrix(np.array([0, 0, 0, *body.orientation]))[:3, :3].T
     low, high, foot = own.min(axis=0), own.max(axis=0), footprint(points)
     upper = points[points[:, 2] > points[:, 2].min() + NEAR_FLOOR]
-    found, low_by = [], math.inf
+    places, low_by = [], math.inf
     for x, y in itertools.product(np.arange(low[0], high[0], GRID / 2), np.arange(low[1], high[1], GRID / 2)):
         height, names = near.below(np.c_[foot + [x, y], np.full(len(foot), high[2] + 0.3)])
         if set(names) != {part} or not math.isfinite(height.min()) or np.ptp(height) > LEVEL:
@@ -312,17 +312,17 @@ def inside_placements(room: SimRoom, name: str, part: str, q: float) -> list[tup
             continue
         low_by = min(low_by, depth := _shut_depth(others, room, part, upper + at[:3], q))
         if depth <= 0.0:
-            found.append((at, inside))
-    if not found and math.isfinite(low_by):
+            places.append((at, inside))
+    if not places and math.isfinite(low_by):
         text = f"of {np.ptp(points[:, 2]):.3f} m height fits into {part!r}, but meets what is above as that is shut"
         raise InputError(f"{name!r} {text}, by {1000 * low_by:.0f} mm or more; choose a lower object or a higher part")
-    if not found:
+    if not places:
         raise InputError(
             f"{part!r} has no level floor between walls on which {name!r} can stand, {100 * BESIDE:.0f} cm from them and below "
             "what is above it; drawers have a floor where the room was prepared with prepare.interior=true"
         )
-    middle = np.mean([at[:2] for at, _ in found], axis=0)
-    return sorted(found, key=lambda each: float(np.linalg.norm(each[0][:2] - middle)))
+    middle = np.mean([at[:2] for at, _ in places], axis=0)
+    return sorted(places, key=lambda each: float(np.linalg.norm(each[0][:2] - middle)))
 
 
 def at_zero(room: SimRoom, part: str, pose: np.ndarray, q: float) -> np.ndarray:

@@ -15,9 +15,9 @@ from s2a.motion import pick
 from s2a.motion.obstacles import Obstacles, moved_room
 from s2a.motion.open import drawn_back
 from s2a.motion.pick import PickStage
-from s2a.motion.pick_plan import BASES, IK_SEEDS, PickPlan, PickTask, plan_pick
+from s2a.motion.pick_plan import BASES, PickPlan, PickTask, plan_pick
 from s2a.motion.places import Inside, first_planned, free_object, inside_placements, place_poses
-from s2a.motion.search import Follow, Search, Stand, Unreachable, around, chunks
+from s2a.motion.search import IK_SEEDS, Follow, Search, Stand, Unreachable, around, chunks
 from s2a.motion.segments import Along, Grip, Reach, Release, Segment, Straight, Timeline
 from s2a.motion.trajectory import Anchor, PlannerConfig, Trajectory
 from s2a.motion.workcell import Workcell
@@ -90,11 +90,9 @@ class PutTask:
 
 
 class PutInEnds(pick.EndsConfig, Protocol):
-    """The settings of a task that say besides how far the part is opened."""
+    """The settings of a task that say besides how far the part is opened: the path of the handle [m]."""
 
-    @property
-    def opening(self) -> float:
-        """Path of the handle [m]."""
+    opening: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,7 +225,7 @@ class PutPlanner:
         self._cells = {"shut": self._cell(shut), "open": self._cell(self._opened), "done": self._cell(done)}
         self._search = Search(spec, self._beside.kin, seed)
         self._path = handle_path(task)
-        self._handle = Follow("handle", 0, self._path.poses, self._meets, IK_SEEDS, kept=BRANCHES)
+        self._handle = Follow("handle", 0, self._path.poses, self._meets, IK_SEEDS, clear=BRANCHES)
         self._handles: dict[bytes, list[np.ndarray]] = {}
 
     def _cell(self, room: SimRoom, *without: str) -> Workcell:

@@ -30,6 +30,8 @@ FURTHER = 0.4, 0.8
 """[m] Distances besides the robot's own, which are for handles in front of it: where there is little floor, these are left."""
 BLOCK = 64
 """Bases that are looked at together."""
+IK_SEEDS = 12
+"""Starts of the inverse kinematics at each base, for a path that the arm follows."""
 EXACT = 1e-3
 """Root of the squared errors [m and rad] up to which inverse kinematics reaches a single pose."""
 
@@ -131,7 +133,7 @@ class Follow:
         meets: base and joint path [pose arm] -> how deep the robot reaches into something on it [m], and into what.
         ik_seeds: starts of the inverse kinematics at each base; one number for all, or one each.
         tried: joint paths at each base that are looked at, those that begin nearest to where the arm comes from first.
-        kept: joint paths at each base that are clear, at most.
+        clear: joint paths at each base that meet nothing, at most.
         near: joints from which the arm comes, shape [stand arm]; None: home.
         may_flip: The tool may be turned by half about the approach, its fingers exchanged.
         reach_time: in which every joint, at full speed, has to turn from home to the path [s].
@@ -144,7 +146,7 @@ class Follow:
     meets: Callable[[Stand, np.ndarray], Penetration]
     ik_seeds: int | Sequence[int]
     tried: int | None = None
-    kept: int | None = None
+    clear: int | None = None
     near: np.ndarray | None = None
     may_flip: bool = True
     reach_time: float = math.inf
@@ -211,7 +213,7 @@ class Search:
             start = home if segment.near is None else segment.near[k]
             order = np.argsort(np.abs(paths[:, 0] - start).max(axis=1), kind="stable")
             clear = (path for path in paths[order[: segment.tried]] if self._is_clear(stand, path, segment))
-            for path in itertools.islice(clear, segment.kept):
+            for path in itertools.islice(clear, segment.clear):
                 yield k, path
 
     def _is_clear(self, stand: Stand, path: np.ndarray, segment: Follow) -> bool:

@@ -272,18 +272,12 @@ def read(file: Path) -> PullLaw:
     if not file.is_file():
         raise InputError(f"no pull law {str(file)!r}; make one with s2a optimize")
     try:
-        found = json.loads(file.read_text())
-        law = PullLaw(float(found["seconds"]), tuple(map(float, found["path"])), float(found["goal"]))
+        values = json.loads(file.read_text())
+        law = PullLaw(float(values["seconds"]), tuple(map(float, values["path"])), float(values["goal"]))
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{file}: not a pull law ({error}); expected {{seconds, path, goal}}") from error
-    numbers = np.array([law.seconds, law.goal, *law.path])
-    if (
-        len(law.path) < 3
-        or law.seconds <= 0.0
-        or law.goal <= 0.0
-        or law.path[0] != 0.0
-        or not np.isfinite(numbers).all()
-    ):
+    is_finite = bool(np.isfinite([law.seconds, law.goal, *law.path]).all())
+    if not is_finite or min(law.seconds, law.goal) <= 0.0 or len(law.path) < 3 or law.path[0] != 0.0:
         raise InputError(
             f"{file}: not a pull law; seconds and goal must be above 0, and path must begin at 0 and have 3 samples or more"
         )

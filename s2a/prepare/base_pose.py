@@ -117,7 +117,7 @@ def find_base(
 
     def follow(stands: Sequence[Stand]) -> Follow:
         seeds = [config.ik_seeds * (4 if np.array_equal(_facing(s), preferred.base) else 1) for s in stands]
-        return Follow("", 2, poses, surroundings.meets, seeds, tried=TRIED, kept=1, reach_time=MAX_REACH_TIME)
+        return Follow("", 2, poses, surroundings.meets, seeds, tried=TRIED, clear=1, reach_time=MAX_REACH_TIME)
 
     waiting: set[Stand] = set()
     for some in _groups(ground.places(), ground, surroundings, poses[0], search, follow, waiting):

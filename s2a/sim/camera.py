@@ -16,12 +16,13 @@ from scipy.spatial.transform import Rotation
 from s2a import robot
 from s2a.core.bounds import Above, Count, NotNegative, Positive
 from s2a.robot.model import add_robot
-from s2a.scene.geometry.mesh_ops import bake
+from s2a.scene.geometry.mesh_ops import bake, merge
+from s2a.scene.geometry.mesh_query import RayMesh, first_hits, ray_mesh
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
 from s2a.scene.usd.stage import ROOT
-from s2a.sim.room import add_room, open_physics, pedestal
+from s2a.sim.room import add_room, pedestal
 from s2a.sim.world import SimStage
 
 AZIMUTHS = (1.0, -1.0, 0.7, -0.7, 1.3, -1.3, 0.4, -0.4)
@@ -51,14 +52,19 @@ def viewpoint(stage: SimStage, distance: float, azimuth: float, elevation: float
     shoulder = base + [0.0, 0.0, robot.load(stage.robot).base.shoulder_height]
     seen = np.stack([grasp, grasp + 0.15 * back / np.linalg.norm(back), shoulder])
     places = places_around(middle, float(np.arctan2(back[1], back[0])), distance, azimuth, elevation)
-    return first_free(places, seen, _obstacles(stage)), middle
+    room = sim_stage.read(stage.path)
+    still = (body for body in (*room.bodies.values(), *room.free.values()) if body.id != stage.target)
+    meshes = [Mesh(in_scene(body, body.visual), body.visual.faces) for body in still]
+    return first_free(
+        places, seen, merge([*meshes, Mesh(room.static_visual.vertices, room.static_visual.faces)])
+    ), middle
 
 
-def first_free(places: Iterable[np.ndarray], seen: np.ndarray, room: np.ndarray) -> np.ndarray:
-    """Return the first place [3] from which all points [point 3] are seen past triangles [face 3 3], else the best."""
-    best, most = np.zeros(3), -1
+def first_free(places: Iterable[np.ndarray], seen: np.ndarray, room: Mesh) -> np.ndarray:
+    """Return the first place [3] from which all points [point 3] are seen past a surface, else the best."""
+    best, most, surface = np.zeros(3), -1, ray_mesh(room.vertices, room.faces)
     for place in places:
-        free = sum(not blocked(place, point, room) for point in seen)
+        free = int((~blocked(place, seen, surface)).sum())
         if free > most:
             best, most = place, free
         if most == len(seen):
@@ -66,26 +72,17 @@ def first_free(places: Iterable[np.ndarray], seen: np.ndarray, room: np.ndarray)
     return best
 
 
-def blocked(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> bool:
-    """Whether a triangle, seen from either side, hides one point from another.
+def blocked(start: np.ndarray, points: np.ndarray, surface: RayMesh) -> np.ndarray:
+    """Return which points a surface, seen from either side, hides from another one, shape [point].
 
     Args:
-        start: [m], shape [3].
-        end: [m], shape [3].
-        triangles: corners [m], shape [face 3 3].
+        start: from where they are looked at [m], shape [3].
+        points: [m], shape [point 3].
+        surface: of `s2a.scene.geometry.mesh_query.ray_mesh`.
     """
-    ray = end - start
-    ray *= max(0.0, 1.0 - BEFORE / max(float(np.linalg.norm(ray)), 1e-9))
-    first = triangles[:, 0]
-    a, b = triangles[:, 1] - first, triangles[:, 2] - first
-    across = np.cross(ray, b)
-    size = np.einsum("fk,fk->f", a, across)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u = np.einsum("fk,fk->f", start - first, across) / size
-        turned = np.cross(start - first, a)
-        v = turned @ ray / size
-        t = np.einsum("fk,fk->f", b, turned) / size
-        return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1)).any())
+    far = np.linalg.norm(points - start, axis=1)
+    directions = (points - start) / np.maximum(far, 1e-9)[:, None]
+    return first_hits(surface, np.broadcast_to(start, points.shape), directions) < far - BEFORE
 
 
 def places_around(
@@ -104,15 +101,6 @@ def places_around(
         turn, up = heading + around * azimuth, min(high * elevation, 1.4)
         level = np.array([np.cos(turn), np.sin(turn), 0.0]) * np.cos(up)
         yield middle + near * distance * (level + [0.0, 0.0, np.sin(up)])
-
-
-def _obstacles(stage: SimStage) -> np.ndarray:
-    """Return the triangles of all that is seen and stands still [m], shape [face 3 3]."""
-    room, found = sim_stage.read(stage.path), [np.zeros((0, 3, 3))]
-    for body in (*room.bodies.values(), *room.free.values()):
-        if body.id != stage.target:
-            found.append(in_scene(body, body.visual)[body.visual.faces])
-    return np.concatenate([*found, room.static_visual.vertices[room.static_visual.faces].astype(float)])
 
 
 @dataclass(frozen=True)
@@ -147,12 +135,8 @@ class Camera:
                 _add_visual(builder, -1, mesh, "still")
             self._model = builder.finalize()
             self._state = self._model.state()
-            self._camera = SensorCamera(self._model)
-            # Scans are open shells with light from everywhere: no shadows, both sides visible.
-            self._camera.create_default_light(enable_shadows=False)
+            self._camera = _sensor(self._model)
             self._camera.set_ambient_light((0.5, 0.5, 0.5))
-            self._camera.default_render_config.enable_textures = True
-            self._camera.default_render_config.enable_backface_culling = False
             self._rays = SensorCamera.compute_camera_rays_pinhole(config.width, config.height, camera_fov=config.fov)
             self._image = self._camera.allocate_image_color(1, config.width, config.height)
             self._pose = wp.array([camera_pose(stage, config)], dtype=wp.transformf)
@@ -174,6 +158,15 @@ class Camera:
         return rgba[..., :3]
 
 
+def _sensor(model: newton.Model) -> SensorCamera:
+    """Return a camera on a model: scans are open shells with light from everywhere, so no shadows, both sides visible."""
+    camera = SensorCamera(model)
+    camera.create_default_light(enable_shadows=False)
+    camera.default_render_config.enable_textures = True
+    camera.default_render_config.enable_backface_culling = False
+    return camera
+
+
 SEEN = "seen/"
 """What the labels of the room's visible shapes begin with, before the id of their part."""
 
@@ -186,7 +179,7 @@ def visible_model(stage: SimStage, by_part: bool = False) -> newton.ModelBuilder
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
     add_robot(builder, robot.load(stage.robot), wp.transform(*stage.base[:3], *stage.base[3:]), visuals=True)
-    file = open_physics(stage.path)
+    file = sim_stage.open_physics(stage.path)
     add_room(builder, stage.room, file, stage.active, static=False, hide_collision_shapes=True, load_sites=False)
     _add_visuals(builder, stage, by_part)
     return builder
@@ -292,11 +285,7 @@ class Views:
             self._model = builder.finalize()
             self._state = self._model.state()
             self._joint_q = wp.to_torch(self._model.joint_q).view(num_envs, -1)
-            self._camera = SensorCamera(self._model)
-            # Scans are open shells with light from everywhere: no shadows, both sides visible.
-            self._camera.create_default_light(enable_shadows=False)
-            self._camera.default_render_config.enable_textures = True
-            self._camera.default_render_config.enable_backface_culling = False
+            self._camera = _sensor(self._model)
             rays = SensorCamera.compute_camera_rays_pinhole
             self._rays = {name: rays(config.width, config.height, camera_fov=fov[name]) for name in CAMERAS}
             size = (num_envs, config.width, config.height)

@@ -62,19 +62,19 @@ class Sensor:
 
 
 @wp.kernel
-def clear(found: PartContacts):
+def clear(contacts: PartContacts):
     """Forget the contacts of the physics step before."""
     world = wp.tid()
     for i in range(2):
-        found.normal[world, i] = wp.vec3()
-        found.on_region[world, i] = 0.0
-        found.off_region[world, i] = 0.0
-        found.pull[world, i] = wp.spatial_vector()
-    found.other_links[world] = 0.0
+        contacts.normal[world, i] = wp.vec3()
+        contacts.on_region[world, i] = 0.0
+        contacts.off_region[world, i] = 0.0
+        contacts.pull[world, i] = wp.spatial_vector()
+    contacts.other_links[world] = 0.0
 
 
 @wp.kernel
-def collect(s: Sensor, found: PartContacts):
+def collect(s: Sensor, contacts: PartContacts):
     """Add up the forces of a physics step, one thread a contact.
 
     `s.body_q` is that before the step, where the contacts were found: at 1.5 m/s a part is 6 mm farther after it.
@@ -91,7 +91,7 @@ def collect(s: Sensor, found: PartContacts):
     if link < LEFT or link > LINK:
         return
     pressed = wp.spatial_top(s.force[contact])[0]
-    wp.atomic_max(found.peak, world, pressed)
+    wp.atomic_max(contacts.peak, world, pressed)
     if other != PART:
         return
     at = s.pos[contact]
@@ -99,15 +99,15 @@ def collect(s: Sensor, found: PartContacts):
     wrench = wp.spatial_vector(force, wp.cross(at, force))
     local = wp.transform_point(wp.transform_inverse(s.body_q[world, s.body]), at)
     if link == LINK:
-        wp.atomic_add(found.other_links, world, pressed)
-        wp.atomic_add(found.pull, world, 1, wrench)
+        wp.atomic_add(contacts.other_links, world, pressed)
+        wp.atomic_add(contacts.pull, world, 1, wrench)
     elif wp.mesh_query_point_no_sign(s.region[world], local, s.distance).result:
-        wp.atomic_add(found.normal, world, link, sign * pressed * s.frame[contact][0])
-        wp.atomic_add(found.on_region, world, link, pressed)
-        wp.atomic_add(found.pull, world, 0, wrench)
+        wp.atomic_add(contacts.normal, world, link, sign * pressed * s.frame[contact][0])
+        wp.atomic_add(contacts.on_region, world, link, pressed)
+        wp.atomic_add(contacts.pull, world, 0, wrench)
     else:
-        wp.atomic_add(found.off_region, world, link, pressed)
-        wp.atomic_add(found.pull, world, 1, wrench)
+        wp.atomic_add(contacts.off_region, world, link, pressed)
+        wp.atomic_add(contacts.pull, world, 1, wrench)
 
 
 class ContactSensor:
@@ -121,7 +121,7 @@ class ContactSensor:
         """Watch the target of a simulation; a contact within `distance` [m] of the annotated region is on it."""
         n, data = sim.num_envs, sim.solver.mjw_data
         self._sim = sim
-        regions = [wp.Mesh(_points(mesh.vertices), _indices(mesh.faces)) for mesh in map(touched, sim.stages)]
+        regions = [query_mesh(touched(stage)) for stage in sim.stages]
         self._regions = regions  # a mesh lives as long as somebody holds it
         s = self._sensor = Sensor()
         s.owner = wp.array(_owners(sim), dtype=int)
@@ -156,12 +156,10 @@ def touched(stage: SimStage) -> Mesh:
     return merge([stage.region, *(h for h in hulls if (nearest_faces(surface, h.vertices, SECTION)[0] >= 0).all())])
 
 
-def _points(vertices: np.ndarray) -> wp.array:
-    return wp.array(np.asarray(vertices, np.float32), dtype=wp.vec3)
-
-
-def _indices(faces: np.ndarray) -> wp.array:
-    return wp.array(np.asarray(faces, np.int32).ravel(), dtype=int)
+def query_mesh(mesh: Mesh) -> wp.Mesh:
+    """Return a mesh for queries in kernels, on Warp's default device; who uses its id keeps it."""
+    points = wp.array(np.asarray(mesh.vertices, np.float32), dtype=wp.vec3)
+    return wp.Mesh(points, wp.array(np.asarray(mesh.faces, np.int32).ravel(), dtype=int))
 
 
 def _owners(sim: Simulation) -> np.ndarray:

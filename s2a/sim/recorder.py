@@ -42,9 +42,9 @@ class Recorder:
     def sample(self) -> torch.Tensor:
         """Return the means over the control step that has ended, shape [world column], and begin the next."""
         sums = wp.to_torch(self._sums)
-        found = sums / self._sim.config.substeps
+        means = sums / self._sim.config.substeps
         sums.zero_()
-        return found
+        return means
 
     def save(self, folder: Path) -> None:
         """Write a CSV file of `RobotSpec.recorded` for each world, pull_0.csv and so on."""

@@ -134,7 +134,7 @@ def _resisting(
 
 def _joints(stage: SimStage, world: newton.ModelBuilder) -> list[tuple[dict[str, float], int, int]]:
     """Return what a stage's active joints have of this, and their coordinate and velocity within a world."""
-    found = []
+    rows = []
     for part in stage.active:
         joint = stage.room.articulations.get(part)
         if joint is None or joint.resistance is None:
@@ -144,5 +144,5 @@ def _joints(stage: SimStage, world: newton.ModelBuilder) -> list[tuple[dict[str,
             lever = lever_arm(joint.joint, np.array(joint.grasp.point))
             row = {"sign": opening_sign(joint.joint), "lever": lever, "breakaway": own.breakaway}
             row |= {"force": soft.force, "closing": soft.damping, "reach": soft.reach}
-            found.append((row, *axis_of(world, part, joint.joint.kind)))
-    return found
+            rows.append((row, *axis_of(world, part, joint.joint.kind)))
+    return rows

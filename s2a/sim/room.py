@@ -22,7 +22,6 @@ from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.joints import write_joint
 from s2a.scene.usd.sim_scene import SimRoom
-from s2a.scene.usd.sim_stage import open_physics
 from s2a.scene.usd.stage import ROOT, read_mesh
 
 _log = logging.getLogger(__name__)
@@ -71,15 +70,6 @@ class Workspace:
         """Return False only where no point is as near to a hull, of planes [plane 4], as what a world may need."""
         center, radius = self._ball
         return _distance(center[None], planes) - radius <= max(AROUND, BESIDE)
-
-    @classmethod
-    def around(
-        cls, paths: np.ndarray, held: np.ndarray, shoulder: np.ndarray, reach: float, resting: np.ndarray
-    ) -> Workspace:
-        """Return the workspace of a robot that leads grasp points `held` [point 3] while surfaces move along `paths`."""
-        fraction = np.linspace(0.0, 1.0, 7)[:, None, None]
-        arm = (shoulder + fraction * (held - shoulder)).reshape(-1, 3)
-        return cls(np.concatenate([paths, arm]), shoulder, reach, resting=resting)
 
     def planned_along(self, points: np.ndarray, resting: np.ndarray) -> Workspace:
         """Return it with the points [point 3] that a plan passes, and those of what it puts somewhere [point 3]."""
@@ -136,12 +126,12 @@ def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, 
     needed = (reached | (distance <= BESIDE)) & ~ground
     first = (distance <= AROUND) & space.planned
     order = np.lexsort((distance, ~structure, ~first, ~needed))
-    kept = ground.copy()
-    kept[order[: min(int(needed.sum()), MAX_STATIC)]] = True
-    for k in np.flatnonzero(~kept).tolist():
+    loaded = ground.copy()
+    loaded[order[: min(int(needed.sum()), MAX_STATIC)]] = True
+    for k in np.flatnonzero(~loaded).tolist():
         colliders[k].SetActive(False)
-    _log.info("%s: %d of %d static colliders are loaded", room, kept.sum(), len(colliders))
-    missed = [k for k in order if not kept[k] and reached[k] and (first[k] or not space.planned)]
+    _log.info("%s: %d of %d static colliders are loaded", room, loaded.sum(), len(colliders))
+    missed = [k for k in order if not loaded[k] and reached[k] and (first[k] or not space.planned)]
     if not missed:
         return None
     names = dict.fromkeys(str(colliders[k].GetAttribute("s2a:part").Get()) for k in missed)
@@ -150,10 +140,10 @@ def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, 
 
 def warn(missing: Sequence[Missing | None]) -> None:
     """Write one warning of what the worlds of some stages lack, of that which lacks most."""
-    found = [each for each in missing if each is not None]
-    if found:
-        most = max(found, key=lambda each: each.count)
-        others = f" ({len(found)} of {len(missing)} stages lack some, this one most)" if len(missing) > 1 else ""
+    lacking = [each for each in missing if each is not None]
+    if lacking:
+        most = max(lacking, key=lambda each: each.count)
+        others = f" ({len(lacking)} of {len(missing)} stages lack some, this one most)" if len(missing) > 1 else ""
         _log.warning(
             "%s: %d colliders within the arm's reach are not loaded, because a world holds %d%s; nearest to the path, %.2f m "
             "from it: %s", most.room, most.count, MAX_STATIC, others, most.distance, ", ".join(most.parts[:8]),
@@ -190,12 +180,12 @@ def _distance(points: np.ndarray, planes: np.ndarray) -> float:
 
 def _carrying(points: np.ndarray, planes: Sequence[np.ndarray]) -> np.ndarray:
     """Return which hulls are the first below any of some points [point 3], shape [hull]."""
-    found = np.zeros(len(planes), bool)
+    carrying = np.zeros(len(planes), bool)
     if len(points) and len(planes):
         fall = np.stack([_fall(points + [0.0, 0.0, RAISED], p) for p in planes], axis=1)
         first = fall.argmin(axis=1)
-        found[first[np.isfinite(fall.min(axis=1))]] = True
-    return found
+        carrying[first[np.isfinite(fall.min(axis=1))]] = True
+    return carrying
 
 
 def _fall(points: np.ndarray, planes: np.ndarray) -> np.ndarray:
@@ -229,19 +219,21 @@ def kept_bodies(room: SimRoom, active: Sequence[str]) -> tuple[str, ...]:
     """
     for i in active:
         if i not in room.articulations and i not in room.free:
-            known = ", ".join([*room.articulations, *room.free])
-            raise InputError(f"{i!r} neither moves on a joint nor lies free in room {room.name!r}; possible: {known}")
+            possible = ", ".join([*room.articulations, *room.free])
+            raise InputError(
+                f"{i!r} neither moves on a joint nor lies free in room {room.name!r}; possible: {possible}"
+            )
     # A drawer inside of a door moves with it.
     carriers = {c for i in active if i in room.articulations for c in room.carriers(i) if c in room.fixed}
     return tuple(i for i in (*room.bodies, *room.free) if i in carriers or i in active)
 
 
-def carrier_of(room: SimRoom, body: str, kept: Collection[str]) -> str | None:
+def carrier_of(room: SimRoom, body: str, bodies: Collection[str]) -> str | None:
     """Return the nearest kept body that carries a body; None for one that stands in the room or lies free."""
-    return next((c for c in room.carriers(body) if c in kept), None) if body in room.articulations else None
+    return next((c for c in room.carriers(body) if c in bodies), None) if body in room.articulations else None
 
 
-def freeze(stage: Usd.Stage, room: SimRoom, kept: Collection[str]) -> None:
+def freeze(stage: Usd.Stage, room: SimRoom, bodies: Collection[str]) -> None:
     """Freeze, in the session layer of a stage, all bodies that are not kept, at their scanned pose.
 
     What hangs on a kept body becomes part of that, anything else becomes static.
@@ -251,10 +243,10 @@ def freeze(stage: Usd.Stage, room: SimRoom, kept: Collection[str]) -> None:
         prim = stage.GetPrimAtPath(f"{ROOT}/{i}")
         if prim.HasAPI(UsdPhysics.FilteredPairsAPI):  # Newton knows no frozen bodies
             pairs = UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel()
-            pairs.SetTargets([path for path in pairs.GetTargets() if i in kept and path.name in kept])
+            pairs.SetTargets([path for path in pairs.GetTargets() if i in bodies and path.name in bodies])
         joint = stage.GetPrimAtPath(f"{ROOT}/joints/{i}")
-        carrier = carrier_of(room, i, kept)
-        if i in kept:
+        carrier = carrier_of(room, i, bodies)
+        if i in bodies:
             if carrier is not None:  # of a drawer inside of a frozen door: the cabinet that this one hangs on
                 UsdPhysics.Joint(joint).GetBody0Rel().SetTargets([f"{ROOT}/{carrier}"])
             continue
@@ -328,21 +320,21 @@ def add_room(
         both_kinds: articulated parts that get a slide and a hinge, in this order; that which is not theirs is locked.
         options: of `ModelBuilder.add_usd`.
     """
-    kept = kept_bodies(room, active)
-    freeze(stage, room, kept)
+    bodies = kept_bodies(room, active)
+    freeze(stage, room, bodies)
     for part in both_kinds:
         _add_other_kind(stage, room, part)
-    still = [f"{ROOT}/static", *(f"{ROOT}/{i}" for i in (*room.bodies, *room.free) if i not in kept)]
+    still = [f"{ROOT}/static", *(f"{ROOT}/{i}" for i in (*room.bodies, *room.free) if i not in bodies)]
     if not static:
         for path in still:
             if prim := stage.GetPrimAtPath(path):
                 prim.SetActive(False)
-    _clear_paths(stage, room, active, kept)
+    _clear_paths(stage, room, active, bodies)
     missing = None
     if space is not None:
-        welded = [f"{ROOT}/{carrier}/{WELDED}{i}" for carrier in kept for i in room.bodies]
-        found = static_colliders(stage, [*still, *welded])
-        missing = drop_far(stage, found, space, stage.GetRootLayer().realPath)
+        welded = [f"{ROOT}/{carrier}/{WELDED}{i}" for carrier in bodies for i in room.bodies]
+        colliders = static_colliders(stage, [*still, *welded])
+        missing = drop_far(stage, colliders, space, stage.GetRootLayer().realPath)
     builder.add_usd(stage, load_visual_shapes=False, **options)
     return missing
 
@@ -366,7 +358,10 @@ def workspace(room: SimRoom, active: Sequence[str], base: np.ndarray, robot_name
             held.append(displace(np.array([grasp.point, grasp.point - back]), joint, q))
     spec = robot.load(robot_name).base
     shoulder = base[:3] + [0.0, 0.0, spec.shoulder_height]
-    return Workspace.around(np.concatenate(paths), np.concatenate(held), shoulder, spec.reach, np.concatenate(resting))
+    # The arm leads the grasp points while the surfaces move.
+    arm = shoulder + np.linspace(0.0, 1.0, 7)[:, None, None] * (np.concatenate(held) - shoulder)
+    points = np.concatenate([*paths, arm.reshape(-1, 3)])
+    return Workspace(points, shoulder, spec.reach, resting=np.concatenate(resting))
 
 
 def pedestal(base: np.ndarray, height: float, radius: float) -> Mesh | None:
@@ -393,19 +388,16 @@ def _add_other_kind(stage: Usd.Stage, room: SimRoom, part: str) -> None:
     write_joint(stage, f"{prim.GetPath()}_locked", locked, parent, child)
 
 
-def _clear_paths(stage: Usd.Stage, room: SimRoom, active: Sequence[str], kept: Sequence[str]) -> None:
+def _clear_paths(stage: Usd.Stage, room: SimRoom, active: Sequence[str], bodies: Sequence[str]) -> None:
     """Cut static hulls of frozen bodies free of the paths of the active parts that overlap them, in the session layer.
 
     A filter would not do: Newton 1.8 drops filtered pairs with static shapes in silence where not all pairs of a world fit into
     MuJoCo's masks.
     """
     for part in active:
-        found = room.articulations.get(part)
-        others = [i for i in found.filtered if i not in kept] if found else []
+        moving = room.articulations.get(part)
+        others = [i for i in moving.filtered if i not in bodies] if moving else []
         prims = static_colliders(stage, [f"{ROOT}/{i}" for i in others])
-        if found and prims:
+        if moving and prims:
             surface = merge([collider.mesh for collider in room.bodies[part].colliders])
-            cut_colliders(prims, sweep(surface, found.joint, CLEARANCE))
-
-
-__all__ = ["PEDESTAL", "add_pedestal", "add_room", "open_physics", "pedestal", "workspace"]
+            cut_colliders(prims, sweep(surface, moving.joint, CLEARANCE))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import newton
@@ -24,44 +23,33 @@ FEW = 8
 ATTRIBUTES = "custom_attributes"
 
 
-@dataclass(frozen=True)
-class WorldSettings:
-    """What the worlds of a batch share.
+def build_worlds(stages: Sequence[SimStage], config: SimConfig, *, with_robot: bool) -> list[newton.ModelBuilder]:
+    """Return a builder for each stage, in their order; warns once of what they lack of their rooms.
 
-    Attributes:
-        config: how physics is stepped.
-        with_robot: load the robot.
-        both_kinds: give each part a slide and a hinge; see `build_world`.
+    Where some parts slide and others turn, each gets a slide and a hinge; see `build_world`.
     """
-
-    config: SimConfig
-    with_robot: bool
-    both_kinds: bool
-
-
-def build_worlds(stages: Sequence[SimStage], settings: WorldSettings) -> list[newton.ModelBuilder]:
-    """Return a builder for each stage, in their order; warns once of what they lack of their rooms."""
-    found = list(spread(_packed_world, settings, stages, few=FEW))
-    warn([missing for _, missing in found])
-    return [_unpack(values) for values, _ in found]
+    both_kinds = len({stage.joint.kind for stage in stages}) > 1
+    worlds = list(spread(_packed_world, (config, with_robot, both_kinds), stages, few=FEW))
+    warn([missing for _, missing in worlds])
+    return [_unpack(values) for values, _ in worlds]
 
 
-def _packed_world(settings: WorldSettings, stage: SimStage) -> tuple[dict[str, Any], Missing | None]:
+def _packed_world(settings: tuple[SimConfig, bool, bool], stage: SimStage) -> tuple[dict[str, Any], Missing | None]:
     """Return a stage's world as values that another process can be sent, and what it lacks of its room."""
-    config, spec = settings.config, robot.load(stage.robot)
+    (config, with_robot, both_kinds), spec = settings, robot.load(stage.robot)
     missing: list[Missing | None] = []
     values = _pack(
         build_world(
             stage,
             config.joint,
             config.dt,
-            robot=spec if settings.with_robot else None,
+            robot=spec if with_robot else None,
             gains=config.gains_of(spec),
             gravity_compensation=config.gravity_compensation,
             static_colliders=config.load_static_colliders,
             realistic=config.limits is not None and config.limits.drives,
             coupled_fingers=config.coupled_fingers,
-            both_kinds=settings.both_kinds,
+            both_kinds=both_kinds,
             missing=missing,
         )
     )
@@ -131,14 +119,19 @@ class Simulation:
         self.stages = [stages] if isinstance(stages, SimStage) else list(stages)
         self.stage, self.config, self.num_envs, self.device = self.stages[0], config, num_envs, device
         self.stage_of_env = np.arange(num_envs) % len(self.stages)
-        _check_robots(self.stages)
+        robots = {stage.robot: stage for stage in reversed(self.stages)}
+        if len(robots) > 1:
+            one, other = list(robots.values())[:2]
+            raise InputError(
+                f"{one.path} ({one.target}) and {other.path} ({other.target}) differ in their robot; "
+                "simulate them in batches of their own"
+            )
         self.robot = robot.load(self.stage.robot)
         limits, gains = self.robot.limits, config.gains_of(self.robot)
         self.arm_limits = config.limits.of(limits) if config.limits else limits
         self.plan_limits = config.limits.sustained(limits, gains) if config.limits else limits
         with wp.ScopedDevice(device):
-            kinds = {stage.joint.kind for stage in self.stages}
-            worlds = build_worlds(self.stages, WorldSettings(config, with_robot, both_kinds=len(kinds) > 1))
+            worlds = build_worlds(self.stages, config, with_robot=with_robot)
             self.world = worlds[0]
             self.model = _finalized(_batch(worlds, num_envs))
             if with_robot:
@@ -167,10 +160,12 @@ class Simulation:
     def step(self) -> None:
         """Advance all worlds by one control step (`substeps` physics steps)."""
         for _ in range(self.config.substeps):
-            _call(self.before_substep)
+            for function in self.before_substep:
+                function()
             self.solver.step(self.state, self.before, self.control, None, self.config.dt)
             self.state, self.before = self.before, self.state
-            _call(self.after_substep)
+            for function in self.after_substep:
+                function()
 
     def capture(self, function: Callable[[], None]) -> Callable[[], None]:
         """Return `function` as one captured graph: a CUDA graph, or on a CPU Warp's list of launches, replayed without Python.
@@ -185,33 +180,17 @@ class Simulation:
         return lambda: wp.capture_launch(capture.graph)
 
 
-def _call(functions: Sequence[Callable[[], None]]) -> None:
-    for function in functions:
-        function()
-
-
 def device_of(key: str) -> str:
     """Return the device that a user's key means; "auto" is a GPU where there is one.
 
     Raises:
         InputError: a device that this machine does not have.
     """
-    known = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
-    chosen = known[:2][-1] if key == "auto" else key
-    if chosen not in known:
-        raise InputError(f"key 'device' is {key!r}; on this machine one of: auto, {', '.join(known)}")
+    devices = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
+    chosen = devices[:2][-1] if key == "auto" else key
+    if chosen not in devices:
+        raise InputError(f"key 'device' is {key!r}; on this machine one of: auto, {', '.join(devices)}")
     return chosen
-
-
-def _check_robots(stages: Sequence[SimStage]) -> None:
-    """Raise unless all stages are for the same robot."""
-    robots = {stage.robot: stage for stage in reversed(stages)}
-    if len(robots) > 1:
-        one, other = list(robots.values())[:2]
-        raise InputError(
-            f"{one.path} ({one.target}) and {other.path} ({other.target}) differ in their robot; "
-            "simulate them in batches of their own"
-        )
 
 
 def _batch(worlds: Sequence[newton.ModelBuilder], num_envs: int) -> newton.ModelBuilder:

@@ -204,12 +204,12 @@ def _solver(model: newton.Model, proxies: Sequence[int], config: SoftConfig) -> 
     arms: list[SolverMuJoCo] = []
 
     def arm(view: Any) -> SolverMuJoCo:
-        found = SolverMuJoCo(
+        solver = SolverMuJoCo(
             view, solver="newton", integrator="implicitfast", iterations=config.arm_iterations,
             ls_iterations=config.arm_iterations, njmax=40, nconmax=10, disable_contacts=True,
         )  # fmt: skip
-        arms.append(found)
-        return found
+        arms.append(solver)
+        return solver
 
     def soft(view: Any) -> SolverVBD:
         return SolverVBD(

@@ -9,6 +9,8 @@ from pathlib import Path
 import newton
 import numpy as np
 from pxr import Usd
+from scipy.ndimage import label
+from scipy.spatial import cKDTree
 
 from s2a.core.bounds import Count, Fraction, NotNegative, Positive
 from s2a.core.errors import InputError
@@ -153,29 +155,29 @@ def soft_body(shape: SoftShape, path: Path = BEAR) -> SoftBody:
     points = points * (shape.length / np.ptp(points, axis=0).max())
     cell = shape.length / shape.cells
     filled, low = _filled(points, tets, cell, shape.fill)
-    if _parts(filled) != 1:
+    if (parts := int(label(filled)[1])) != 1:  # cells hang together by faces
         raise InputError(
-            f"soft.shape.cells={shape.cells}: the body falls into {_parts(filled)} parts; give more cells, or less fill"
+            f"soft.shape.cells={shape.cells}: the body falls into {parts} parts; give more cells, or less fill"
         )
-    kept = np.argwhere(filled)
-    nodes = (kept[:, None, None] + KUHN).reshape(-1, 3)
+    cells = np.argwhere(filled)
+    nodes = (cells[:, None, None] + KUHN).reshape(-1, 3)
     used, corners = np.unique(nodes, axis=0, return_inverse=True)
     vertices, corners = low + used * cell, corners.reshape(-1, 4)
-    center = low + (kept.mean(axis=0) + 0.5) * cell  # cells are alike
+    center = low + (cells.mean(axis=0) + 0.5) * cell  # cells are alike
     boxes = tuple(_box(low + a * cell - center, low + b * cell - center) for a, b in _merged(filled))
     surface = Mesh(points - center, faces, np.tile(np.array(FUR, np.uint8), (len(points), 1)))
-    owner, weights = _embedded(surface.vertices, vertices - center, corners, kept * cell + low - center + cell / 2)
-    return SoftBody(vertices - center, corners, len(kept) * cell**3, boxes, surface, owner, weights)
+    owner, weights = _embedded(surface.vertices, vertices - center, corners, cells * cell + low - center + cell / 2)
+    return SoftBody(vertices - center, corners, len(cells) * cell**3, boxes, surface, owner, weights)
 
 
 def _kuhn() -> np.ndarray:
     """Return the corners of the six tetrahedra that a cube is cut into, alike in neighbours, shape [6 4 3]."""
-    found = []
+    corners = []
     for order in itertools.permutations(range(3)):
         steps = np.concatenate([np.zeros((1, 3), int), np.cumsum(np.eye(3, dtype=int)[list(order)], axis=0)])
         right = np.linalg.det((steps[1:] - steps[0]).astype(float)) > 0
-        found.append(steps if right else steps[[0, 2, 1, 3]])
-    return np.array(found)
+        corners.append(steps if right else steps[[0, 2, 1, 3]])
+    return np.array(corners)
 
 
 KUHN = _kuhn()
@@ -190,26 +192,19 @@ def _filled(points: np.ndarray, tets: np.ndarray, cell: float, fill: float) -> t
     inside = np.einsum("sc,tci->tsi", weights, points[tets]).reshape(-1, 3)
     share = np.repeat(np.abs(volumes(points, tets)) / SAMPLES, SAMPLES)
     index = np.clip(((inside - low) / cell).astype(int), 0, count - 1)
-    found = np.zeros(count)
-    np.add.at(found, tuple(index.T), share)
-    return found >= fill * cell**3, low
-
-
-def _parts(filled: np.ndarray) -> int:
-    """Return into how many parts cells fall that hang together by faces."""
-    from scipy.ndimage import label
-
-    return int(label(filled)[1])
+    volume = np.zeros(count)
+    np.add.at(volume, tuple(index.T), share)
+    return volume >= fill * cell**3, low
 
 
 def _merged(filled: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return filled cells as boxes, from corner to corner in cells: the largest one left, again and again."""
-    left, found = filled.copy(), []
+    left, boxes = filled.copy(), []
     while left.any():
         first, last = max((_grown(left, np.array(at)) for at in np.argwhere(left)), key=lambda b: np.prod(b[1] - b[0]))
         left[tuple(slice(a, b) for a, b in zip(first, last, strict=True))] = False
-        found.append((first, last))
-    return found
+        boxes.append((first, last))
+    return boxes
 
 
 def _grown(filled: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -240,8 +235,6 @@ def _embedded(
     points: np.ndarray, vertices: np.ndarray, tets: np.ndarray, middles: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return for points [point 3] the tetrahedra they are in, or of the nearest cell are least outside of, and their weights."""
-    from scipy.spatial import cKDTree
-
     _, cell = cKDTree(middles).query(points)
     choices = 6 * cell[:, None] + np.arange(6)
     corners = vertices[tets[choices]]

@@ -61,11 +61,11 @@ def layout(world: newton.ModelBuilder, robot: RobotSpec, stage: SimStage) -> Lay
 
 def _below(world: newton.ModelBuilder, root: int) -> list[int]:
     """Return a body and all that hang on it."""
-    found = [root]
+    bodies = [root]
     for parent, child in sorted(zip(world.joint_parent, world.joint_child, strict=True)):
-        if parent in found and child not in found:
-            found.append(child)
-    return found
+        if parent in bodies and child not in bodies:
+            bodies.append(child)
+    return bodies
 
 
 Range = tuple[Positive, Positive]

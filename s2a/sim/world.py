@@ -26,7 +26,6 @@ from s2a.sim.room import (
     add_pedestal,
     add_room,
     kept_bodies,
-    open_physics,
     pedestal,
     warn,
     workspace,
@@ -112,8 +111,8 @@ class JointConfig:
 
     def joint_damping(self, part: Articulation) -> float:
         """Return the damping of a part's joint [N s/m] or [N m s/rad]: the stage's, if it has one."""
-        known = None if part.resistance is None else part.resistance.damping
-        return self.damping if known is None else known
+        identified = None if part.resistance is None else part.resistance.damping
+        return self.damping if identified is None else identified
 
 
 @dataclass(frozen=True)
@@ -195,19 +194,20 @@ def stage_of(
 ) -> SimStage:
     """Return what `read_stage` does, of a room that was read from `path`."""
     target = room.part(part)
-    found = room.articulations[target]
+    articulation = room.articulations[target]
     kept_bodies(room, (target, *also))
-    robot = robot or (DEFAULT_ROBOT if DEFAULT_ROBOT in found.bases or not found.bases else next(iter(found.bases)))
-    if robot not in found.bases:
-        known = ", ".join(found.bases) or "none"
+    bases = articulation.bases
+    robot = robot or (DEFAULT_ROBOT if DEFAULT_ROBOT in bases or not bases else next(iter(bases)))
+    if robot not in bases:
+        robots = ", ".join(bases) or "none"
         raise InputError(
-            f"{path}: part {target!r} has no base pose for robot {robot!r}, but for: {known}; run s2a prepare"
+            f"{path}: part {target!r} has no base pose for robot {robot!r}, but for: {robots}; run s2a prepare"
         )
-    base, grasp = found.bases[robot], found.grasp
+    base, grasp = bases[robot], articulation.grasp
     return SimStage(
         path=path,
         target=target,
-        joint=found.joint,
+        joint=articulation.joint,
         base=np.array([*base.position, *base.orientation]),
         grasp=np.array([*grasp.point, *grasp.orientation]),
         grasp_size=np.array(grasp.size),
@@ -299,7 +299,7 @@ def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool, bo
     """Add what is active of a room, what it hangs on, and the colliders near it; return what is left out though in reach."""
     space = stage.workspace()
     doubled = [stage.target] if both_kinds else []
-    opened = open_physics(stage.path)
+    opened = sim_stage.open_physics(stage.path)
     missing = add_room(builder, stage.room, opened, stage.active, space=space, static=static, both_kinds=doubled)
     stand = pedestal(stage.base, *stage.pedestal)
     if static and stand is not None:

@@ -155,19 +155,9 @@ class VecEnv:
             "joint_target_qd": sim.control.joint_target_qd,
             "warm_start": sim.solver.mjw_data.qacc_warmstart,
         }
-        names = (
-            *(("past", "delay") if s.past.size else ()),
-            *(("privileged",) if self.task.privileged else ()),
-            "action",
-            "observation",
-            "step",
-            "uncounted",
-            "dropped",
-            "overflow",
-            "result",
-            "counts",
-            "rng",
-        )
+        names = ["past", "delay"] if s.past.size else []
+        names += ["privileged"] if self.task.privileged else []
+        names += ["action", "observation", "step", "uncounted", "dropped", "overflow", "result", "counts", "rng"]
         arrays |= {name: getattr(s, name) for name in names}
         return arrays | {f"task.{name}": array for name, array in self.task.persistent().items()}
 
@@ -240,24 +230,15 @@ def _motion(sim: Simulation, task: Task, demo: DemoStarts | None) -> kernels.Mot
     coords = sim.model.joint_q.numpy().reshape((sim.num_envs, -1))
     m.start, m.part_coord = wp.array(task.start(coords), dtype=float), wp.array(sim.part_coord, dtype=int)
     m.stage = wp.array(sim.stage_of_env if demo else np.zeros(sim.num_envs), dtype=int)
-    _demonstrate(m, demo or DemoStarts([_nothing(sim)], 0.0, 0.0))
-    return m
-
-
-def _nothing(sim: Simulation) -> Demonstration:
-    """Return a demonstration in which nobody moves."""
     home = np.array([sim.layout.home])
-    return Demonstration(home, np.append(home, [[0.0]], axis=1), 1)
-
-
-def _demonstrate(m: kernels.Motion, demo: DemoStarts) -> None:
-    """Set the demonstrations on which episodes start."""
+    demo = demo or DemoStarts([Demonstration(home, np.append(home, [[0.0]], axis=1), 1)], 0.0, 0.0)  # nothing moves
     each = demo.demonstrations
     m.demo_targets = wp.array(padded([d.targets for d in each]), dtype=float)
     m.demo_positions = wp.array(padded([d.positions for d in each]), dtype=float)
     m.demo_grasped = wp.array([d.grasped for d in each], dtype=int)
     m.demo_steps = wp.array([len(d.targets) for d in each], dtype=int)
     m.demo_fraction, m.moved_fraction = demo.fraction, demo.moved_fraction
+    return m
 
 
 def _action_step(m: kernels.Motion, sim: Simulation) -> torch.Tensor:

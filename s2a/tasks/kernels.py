@@ -100,7 +100,7 @@ def act(s: State, m: Motion):
         if m.limited == 1:
             if i >= s.arm:
                 a = 0.5 * (_acting(s, m, world, s.arm) + _acting(s, m, world, s.arm + 1))
-            s.asked[world, i] = sense(s, world, i) * wp.where(wp.isnan(a), 0.0, a) * m.velocity[i]
+            s.requested_qd[world, i] = sense(s, world, i) * wp.where(wp.isnan(a), 0.0, a) * m.velocity[i]
         elif not wp.isnan(a):
             target = s.target_q[world, i] + wp.where(i < s.arm, m.step, m.finger_step) * sense(s, world, i) * a
             s.target_q[world, i] = wp.clamp(target, s.lower[i], s.upper[i])
@@ -126,9 +126,9 @@ def move_targets(s: State, m: Motion, joint_q: wp.array2d(dtype=float)):
         # From a velocity v the target stops within v^2 / 2a.
         fastest = wp.sign(above) * wp.sqrt(2.0 * a * wp.abs(above))
         slowest = -wp.sign(below) * wp.sqrt(2.0 * a * wp.abs(below))
-        asked = wp.clamp(wp.clamp(s.asked[world, i], slowest, fastest), -m.velocity[i], m.velocity[i])
+        wanted = wp.clamp(wp.clamp(s.requested_qd[world, i], slowest, fastest), -m.velocity[i], m.velocity[i])
         now = s.target_qd[world, i]
-        v = now + wp.clamp(asked - now, -a * m.dt, a * m.dt)
+        v = now + wp.clamp(wanted - now, -a * m.dt, a * m.dt)
         moved = wp.clamp(target + v * m.dt, s.lower[i], s.upper[i])
         s.target_qd[world, i] = (moved - target) / m.dt
         s.target_q[world, i] = moved

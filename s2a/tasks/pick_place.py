@@ -14,10 +14,11 @@ from s2a.core.bounds import Fraction, NotNegative, Positive
 from s2a.core.errors import InputError
 from s2a.motion import pick
 from s2a.motion.trajectory import Trajectory
+from s2a.sim.contacts import query_mesh
 from s2a.sim.world import SimStage
 from s2a.tasks.base import Instruction, MdpConfig, MetricsConfig, Results, Task, Terms, terms
 from s2a.tasks.mdp import carrying, observations, rewards
-from s2a.tasks.mdp.binding import surface, watch_others
+from s2a.tasks.mdp.binding import watch_others
 from s2a.tasks.state import ObjectPlace, State
 
 
@@ -145,7 +146,7 @@ class PickPlace(Task):
             "disturbance": metrics.max_disturbance,
         }
         rate = sim.config.control_frequency
-        self.surfaces, place = [surface(stage.region)], ObjectPlace()
+        self.surfaces, place = [query_mesh(stage.region)], ObjectPlace()
         place.object, place.container = self.surfaces[0].id, -1
         place.goal = wp.transform(*stage.goal[:3], *stage.goal[3:])
         place.rest_steps, place.settle_steps = round(config.rest_time * rate), round(config.settle_time * rate)

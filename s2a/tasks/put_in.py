@@ -16,10 +16,11 @@ from s2a.motion import put_in
 from s2a.motion.places import at_zero
 from s2a.motion.trajectory import Trajectory
 from s2a.scene.articulation import lever_arm, travel
+from s2a.sim.contacts import query_mesh
 from s2a.sim.world import SimStage, axis_of
 from s2a.tasks.base import Instruction, Results, terms
 from s2a.tasks.mdp import carrying, observations, rewards
-from s2a.tasks.mdp.binding import surface, watch_others
+from s2a.tasks.mdp.binding import watch_others
 from s2a.tasks.pick_place import PickPlace, PickPlaceConfig, PickPlaceMetrics
 
 
@@ -111,7 +112,7 @@ class PutIn(PickPlace):
         part, place = stage.room.articulations[stage.part], self.world.place
         point, inside = np.array(part.grasp.point), stage.put.inside
         goal = at_zero(stage.room, stage.part, stage.goal, stage.opened)
-        self.surfaces.append(surface(stage.surface))
+        self.surfaces.append(query_mesh(stage.surface))
         place.container, place.hulls = sim.body(stage.part), self.surfaces[1].id
         place.coord = axis_of(sim.world, stage.part, part.joint.kind)[0]
         place.lever = lever_arm(part.joint, point)

@@ -30,6 +30,7 @@ from s2a.scene.usd.sim_scene import Collider, Mass, SimBody, SimRoom, in_scene
 from s2a.sim.recorder import Limits
 from s2a.sim.soft import RATE, SoftSimulation
 from s2a.sim.soft_body import SoftBody, SoftConfig
+from s2a.tasks.mdp.grasp import OPPOSED
 from s2a.tasks.pick_place import PickPlaceConfig
 
 COLUMNS = ("success", "placed", "at_rest", "gripper_gone", "carried", "released_at_rest", "arm_clear", "finite")
@@ -101,7 +102,7 @@ def outcome(episode: SoftEpisode, goal: np.ndarray, metrics: SoftMetrics) -> dic
     size = np.linalg.norm(episode.forces, axis=2)
     touched = np.flatnonzero((size > 0.0).any(axis=1))
     drift = np.linalg.norm(episode.center[-1] - episode.center[touched[-1] if len(touched) else 0])
-    found = {
+    rates = {
         "placed": bool((error[-last:] <= metrics.position).all()),
         "at_rest": bool((steps[-last:] * episode.rate <= metrics.rest_speed).all()),
         "gripper_gone": bool((episode.gap[-last:] >= metrics.clear_distance).all() and not size[-last:].any()),
@@ -112,14 +113,14 @@ def outcome(episode: SoftEpisode, goal: np.ndarray, metrics: SoftMetrics) -> dic
     }
     values = {"position_error": float(error[-1]), "carried_fraction": carried, "drift": float(drift)}
     values |= {"arm_depth": float(episode.depth.max()), "grip_force": float(size.min(axis=1).max())}
-    return {"success": all(found.values()), **found, **values}
+    return {"success": all(rates.values()), **rates, **values}
 
 
 def _carried(episode: SoftEpisode, least: float) -> float:
-    """Return the fraction of the path on which both fingers pressed from opposite sides, more than 120 degrees apart."""
+    """Return the fraction of the path on which both fingers pressed from opposite sides."""
     size, forces = np.linalg.norm(episode.forces, axis=2), episode.forces
     cosine = (forces[:, 0] * forces[:, 1]).sum(axis=1) / np.maximum(size.prod(axis=1), 1e-12)
-    pinched = (size >= least).all(axis=1) & (cosine <= -0.5)
+    pinched = (size >= least).all(axis=1) & (cosine < OPPOSED)  # as `is_grasped` of the other tasks
     ends = np.arange(0, len(pinched), max(1, round(INTERVAL * episode.rate)))
     path = np.linalg.norm(np.diff(episode.center[ends], axis=0), axis=1)
     held = np.array([pinched[a : b + 1].mean() for a, b in itertools.pairwise(ends)])
@@ -157,13 +158,13 @@ def standing(near: Obstacles, support: str, body: SoftBody, at: np.ndarray, yaw:
     feet = turn.apply(body.vertices[body.vertices[:, 2] < low + 1e-6])[:, :2] + at
     bounds = np.concatenate([h.vertices for h in near.hulls_of(support)] or [np.zeros((0, 3))])
     if not len(bounds):
-        known = ", ".join(dict.fromkeys(near.names))
-        raise InputError(f"{support!r} supports nothing near ({at[0]:.2f}, {at[1]:.2f}); near are: {known}")
+        supports = ", ".join(dict.fromkeys(near.names))
+        raise InputError(f"{support!r} supports nothing near ({at[0]:.2f}, {at[1]:.2f}); near are: {supports}")
     height, names = near.below(np.c_[feet, np.full(len(feet), bounds[:, 2].max() + 0.2)])
     if set(names) != {support} or np.ptp(height) > EVEN:
-        found = ", ".join(sorted(set(names)))
+        below = ", ".join(sorted(set(names)))
         raise InputError(
-            f"at ({at[0]:.2f}, {at[1]:.2f}) a body of {1000 * np.ptp(body.vertices[:, 0]):.0f} mm stands on {found}, "
+            f"at ({at[0]:.2f}, {at[1]:.2f}) a body of {1000 * np.ptp(body.vertices[:, 0]):.0f} mm stands on {below}, "
             f"{1000 * np.ptp(height):.0f} mm uneven; choose a place in the middle of {support!r}"
         )
     return np.array([*at, height.max() + GAP - low, *turn.as_quat()])
@@ -231,24 +232,24 @@ def _candidates(room: SimRoom, body: SoftBody, config: SoftConfig, task: PickPla
             f"task.start={start} and task.place={place}: with physics=soft the body stands nowhere in the room; give the id "
             "of a support or a pose for each, two different ones"
         )
-    known = [each for each in (start, place) if each != NEAR]
-    about = {each: _about(room, each) for each in known}
-    with_it = with_body(room, body, config, about[known[0]])
-    goal = next(place_poses(with_it, NAME, place, about[known[0]], EVEN))
+    ends = [each for each in (start, place) if each != NEAR]
+    about = {each: _about(room, each) for each in ends}
+    with_it = with_body(room, body, config, about[ends[0]])
+    goal = next(place_poses(with_it, NAME, place, about[ends[0]], EVEN))
     return [(each, goal) for each in place_poses(with_it, NAME, start, goal, EVEN)]
 
 
-def _about(room: SimRoom, said: str) -> np.ndarray:
+def _about(room: SimRoom, request: str) -> np.ndarray:
     """Return a pose, 7-vector, on the middle of a support, or the one that is said."""
     try:
-        return np.array([*(float(x) for x in said.replace(",", " ").split()[:3]), 0.0, 0.0, 0.0, 1.0])
+        return np.array([*(float(x) for x in request.replace(",", " ").split()[:3]), 0.0, 0.0, 0.0, 1.0])
     except ValueError:
         pass
-    points = [np.asarray(c.mesh.vertices) for c in room.static_colliders if c.part == said]
+    points = [np.asarray(c.mesh.vertices) for c in room.static_colliders if c.part == request]
     for each in (*room.bodies.values(), *room.free.values()):
-        points += [in_scene(each, c.mesh) for c in each.colliders if c.part == said]
+        points += [in_scene(each, c.mesh) for c in each.colliders if c.part == request]
     if not points:
-        raise InputError(f"{said!r} is neither a pose nor a part of room {room.name!r} that supports anything")
+        raise InputError(f"{request!r} is neither a pose nor a part of room {room.name!r} that supports anything")
     low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
     return np.array([*(low + high)[:2] / 2, high[2], 0.0, 0.0, 0.0, 1.0])
 
@@ -370,10 +371,10 @@ def run_trial(
     ended = time.perf_counter()
     depth = _arm_depth(trial, np.array(joints))
     episode = SoftEpisode(np.array(center), np.array(forces), np.array(gap), depth, RATE)
-    found = outcome(episode, trial.goal[:3], metrics)
+    results = outcome(episode, trial.goal[:3], metrics)
     seconds = {"simulated": len(targets) / RATE, "built_in": built - begun, "stepped_in": ended - built}
     used = _limit_use(robot, first, targets, np.array(joints), np.array(torques))
-    return found | {name: round(value, 3) for name, value in seconds.items()} | {"limit_use": used}
+    return results | {name: round(value, 3) for name, value in seconds.items()} | {"limit_use": used}
 
 
 def _targets(first: np.ndarray, planned: Trajectory) -> np.ndarray:

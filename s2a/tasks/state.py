@@ -37,7 +37,7 @@ class State:
             of them, are mirrored, so that they mean the same: an action of -1 grips, and a finger that grips is seen to close.
         target_q: joint targets, shape [world coord].
         target_qd: commanded velocities of the robot's joints [rad/s, m/s], shape [world dof].
-        asked: those that the action asks for.
+        requested_qd: those that the action requests.
         action: in [-1, 1], shape [world action].
         past: the latest actions, the newest first, shape [world delay action]; none where no action comes late.
         delay: by how many control steps actions come late, shape [world].
@@ -69,7 +69,7 @@ class State:
     internal: wp.array(dtype=int)
     target_q: wp.array2d(dtype=float)
     target_qd: wp.array2d(dtype=float)
-    asked: wp.array2d(dtype=float)
+    requested_qd: wp.array2d(dtype=float)
     action: wp.array2d(dtype=float)
     past: wp.array3d(dtype=float)
     delay: wp.array(dtype=int)
@@ -133,21 +133,11 @@ def allocate(sim: Simulation, observations: int, privileged: int, terms: int, re
     s.upper = wp.array(sim.model.joint_limit_upper.numpy()[: s.joints], dtype=float)
     s.internal = wp.array([int(sim.stages[i].internal) for i in sim.stage_of_env], dtype=int)
     s.errors, width = results, results + len(ERRORS)
-    for name, columns_ in (
-        ("asked", s.joints),
-        ("action", s.joints),
-        ("observation", observations),
-        ("privileged", privileged),
-        ("terms", terms),
-        ("result", width),
-    ):
-        setattr(s, name, wp.zeros((n, columns_), dtype=float))
-    s.reward, s.counts, s.rng = (
-        wp.zeros(n, dtype=float),
-        wp.zeros(1 + width, dtype=float),
-        wp.zeros(n, dtype=wp.uint32),
-    )
-    s.dropped = wp.zeros((n, 2), dtype=int)
+    widths = {"requested_qd": s.joints, "action": s.joints, "observation": observations, "privileged": privileged}
+    for name, count in (widths | {"terms": terms, "result": width}).items():
+        setattr(s, name, wp.zeros((n, count), dtype=float))
+    s.reward, s.counts = wp.zeros(n, dtype=float), wp.zeros(1 + width, dtype=float)
+    s.rng, s.dropped = wp.zeros(n, dtype=wp.uint32), wp.zeros((n, 2), dtype=int)
     s.past = wp.zeros((n, delays + 1 if delays else 0, s.joints), dtype=float)
     for name in ("terminated", "done", "time_out", "step", "begun", "uncounted", "overflow", "delay"):
         setattr(s, name, wp.zeros(n, dtype=int))
@@ -360,17 +350,6 @@ class World:
 
 
 PERSISTENT = (
-    "seen",
-    "frame",
-    "tracked",
-    "tool_before",
-    "opened",
-    "grasped",
-    "carried",
-    "last",
-    "released",
-    "rested",
-    "origin",
-    "own",
-)
+    "seen", "frame", "tracked", "tool_before", "opened", "grasped", "carried", "last", "released", "rested", "origin", "own",
+)  # fmt: skip
 """Arrays that a later step reads before it writes them."""

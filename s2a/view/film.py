@@ -121,14 +121,10 @@ def viewpoint(room: PageRoom, world: PlayedWorld) -> CameraPose:
     handled = np.concatenate(points).mean(axis=0) if points else tips.mean(axis=0)
     middle = 0.5 * (base + handled) + [0.0, 0.0, 0.2]
     back = base - handled
-    triangles = [
-        part.surface.vertices[part.surface.faces].astype(float)
-        for part in room.parts.values()
-        if part.mover not in moving
-    ]
+    still = merge([part.surface for part in room.parts.values() if part.mover not in moving])
     seen = np.stack([tips[0], tips[len(tips) // 2], tips[-1], base + [0.0, 0.0, 0.3]])
     places = places_around(middle, float(np.arctan2(back[1], back[0])), DISTANCE, CAMERA.azimuth, CAMERA.elevation)
-    place = first_free(places, seen, np.concatenate([np.zeros((0, 3, 3)), *triangles]))
+    place = first_free(places, seen, still)
     return CameraPose(tuple(place), tuple(middle))
 
 

@@ -14,7 +14,7 @@ from settings import load
 
 from s2a.core.errors import InputError
 from s2a.learn.rl.config import PpoConfig
-from s2a.learn.rl.policy_file import PRETRAINED, PolicyFile, export, forget_source, weights
+from s2a.learn.rl.policy_file import PRETRAINED, PolicyFile, annotate, export, weights
 from s2a.learn.rl.ppo import load_model, load_policy, train, widened
 from s2a.learn.rl.run_folder import FILE, write_world
 from s2a.sim.simulation import SimConfig
@@ -195,6 +195,6 @@ def test_what_the_exporter_notes_of_its_source_is_forgotten(tmp_path: Path) -> N
     graph.node[0].metadata_props.add(key="pkg.torch.onnx.stack_trace", value='File "/home/me/mlp.py", line 240')
     onnx.save(onnx.helper.make_model(graph), tmp_path / "policy.onnx")
     assert b"/home/me" in (tmp_path / "policy.onnx").read_bytes()
-    forget_source(tmp_path / "policy.onnx")
+    annotate(tmp_path / "policy.onnx", tmp_path / "world.json")
     assert b"/home/me" not in (tmp_path / "policy.onnx").read_bytes()
     onnx.checker.check_model(onnx.load(tmp_path / "policy.onnx"))

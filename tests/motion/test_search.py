@@ -146,7 +146,7 @@ def test_a_base_from_which_nothing_is_followed_has_its_own_reason() -> None:
         return (0.03, "a wall") if stand is near else (0.0, "")
 
     search = Search(PANDA, kin)
-    handle = Follow("handle", 1, poses, meets, 2, kept=1)
+    handle = Follow("handle", 1, poses, meets, 2, clear=1)
     assert [k for k, _ in search.followed([near, far, good], handle)] == [2]
     reasons = {stand.words: miss for stand, miss in search.misses.of.items()}
     assert set(reasons) == {"near", "far"}

@@ -12,6 +12,7 @@ from settings import load
 
 from s2a import robot
 from s2a.scene.geometry.mesh_ops import BLOCK, bake, merge
+from s2a.scene.geometry.mesh_query import ray_mesh
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.sim.camera import Camera, CameraConfig, blocked, viewpoint
@@ -41,12 +42,11 @@ def test_a_picture_changes_where_the_drawer_moved(tmp_path: Path) -> None:
 
 
 def test_a_wall_hides_what_is_behind_it_and_nothing_else() -> None:
-    wall = np.array([[[1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 2.0]]])
-    eye = np.array([0.0, 0.0, 0.5])
-    assert blocked(eye, np.array([2.0, 0.0, 0.5]), wall) and blocked(np.array([2.0, 0.0, 0.5]), eye, wall)
-    assert not blocked(eye, np.array([0.9, 0.0, 0.5]), wall)
-    assert not blocked(eye, np.array([1.04, 0.0, 0.5]), wall)  # the surface that is looked at
-    assert not blocked(eye, np.array([2.0, 0.0, 5.0]), wall)
+    wall = ray_mesh(np.array([[1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 2.0]]), np.array([[0, 1, 2]]))
+    eye, behind = np.array([0.0, 0.0, 0.5]), np.array([2.0, 0.0, 0.5])
+    assert blocked(eye, behind[None], wall).all() and blocked(behind, eye[None], wall).all()
+    # Before the wall, the surface that is looked at, above it.
+    assert not blocked(eye, np.array([[0.9, 0.0, 0.5], [1.04, 0.0, 0.5], [2.0, 0.0, 5.0]]), wall).any()
 
 
 def test_the_camera_goes_where_no_wall_stands_between(tmp_path: Path) -> None:
@@ -65,4 +65,4 @@ def test_the_camera_goes_where_no_wall_stands_between(tmp_path: Path) -> None:
     walled = read_stage(tmp_path / "walled.usda")
     found, _ = viewpoint(walled, *asked)
     assert np.linalg.norm(found - free) > 0.3
-    assert not blocked(found, stage.grasp[:3], corners[[[0, 1, 2], [0, 3, 1]]])
+    assert not blocked(found, stage.grasp[None, :3], ray_mesh(wall.vertices, wall.faces)).any()

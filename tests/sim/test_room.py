@@ -21,7 +21,7 @@ from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import Base, Collider
 from s2a.sim.room import MAX_STATIC, Workspace
-from s2a.sim.simulation import SimConfig, Simulation, WorldSettings, build_worlds
+from s2a.sim.simulation import SimConfig, Simulation, build_worlds
 from s2a.sim.world import JointConfig, SimStage, build_world, read_stage
 
 FREE = JointConfig(0.0, 0.0, "grasp")
@@ -234,7 +234,7 @@ def test_what_many_stages_lack_is_said_once(tmp_path: Path, caplog: pytest.LogCa
     paths = [crowded(tmp_path, 80, 0.008), crowded(tmp_path / "few", 70, 0.008)]
     stages = [read_stage(path, "drawer_2") for path in (*paths, write_cabinet(tmp_path / "none.usda"))]
     with caplog.at_level(logging.WARNING, logger="s2a.sim.room"):
-        build_worlds(stages, WorldSettings(load(SimConfig, "sim/paper"), with_robot=False, both_kinds=False))
+        build_worlds(stages, load(SimConfig, "sim/paper"), with_robot=False)
     (said,) = [record.getMessage() for record in caplog.records if record.name == "s2a.sim.room"]
     assert "17 colliders" in said and "2 of 3 stages" in said and str(paths[0]) in said
 

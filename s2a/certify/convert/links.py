@@ -16,7 +16,7 @@ from s2a.scene.geometry.mesh_ops import bake
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
-from s2a.sim.room import add_room, carrier_of, kept_bodies, open_physics, owner
+from s2a.sim.room import add_room, carrier_of, kept_bodies, owner
 from s2a.sim.solver import SimConfig
 from s2a.sim.world import empty_world, joint_index, stiffen
 
@@ -90,7 +90,7 @@ def read_links(path: Path, parts: str | Sequence[str], config: SimConfig) -> Lin
         )
     kept = kept_bodies(room, active)
     builder = empty_world()
-    add_room(builder, room, open_physics(path), active, load_sites=True)
+    add_room(builder, room, sim_stage.open_physics(path), active, load_sites=True)
     for part in (i for i in active if i in room.articulations):
         dof = builder.joint_qd_start[joint_index(builder, part)]
         builder.joint_stiffness[dof] = config.joint.joint_stiffness(room.articulations[part])

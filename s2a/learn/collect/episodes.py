@@ -109,8 +109,8 @@ class Dataset(Protocol):
 
 def is_foreign(root: Path) -> bool:
     """Return whether a folder holds files, and none that a run of `s2a collect` began with, even if it was killed at once."""
-    found = [path.name for path in root.iterdir() if not path.name.startswith(UNFINISHED)] if root.is_dir() else []
-    return bool(found) and not (root / ABOUT).is_file()
+    names = [path.name for path in root.iterdir() if not path.name.startswith(UNFINISHED)] if root.is_dir() else []
+    return bool(names) and not (root / ABOUT).is_file()
 
 
 def write_replay(root: Path, index: int, episode: Episode) -> None:
@@ -146,9 +146,9 @@ OF_THE_ROOM = ("path", "room")
 
 def write_stage(stage: SimStage, root: Path) -> None:
     """Write all of a stage but its room into a dataset's folder."""
-    kept = {each.name: getattr(stage, each.name) for each in fields(stage) if each.name not in OF_THE_ROOM}
+    own = {each.name: getattr(stage, each.name) for each in fields(stage) if each.name not in OF_THE_ROOM}
     empty = replace(stage, room=None)  # type: ignore[arg-type]  # not to be copied
-    values = {name: value for name, value in asdict(empty).items() if name in kept}
+    values = {name: value for name, value in asdict(empty).items() if name in own}
     (root / STAGE).parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(root / STAGE) as out:
         out.write_text(json.dumps(values, default=_plain) + "\n")
@@ -293,19 +293,19 @@ class Collector:
         """Return what is observed now, shape [world n] each."""
         sim = self._env.sim
         links = sim.body_q[:, sim.layout.tool_body]
-        found = {"observation.state": seen, "observation.tool": _composed(links, self._tool)}
+        columns = {"observation.state": seen, "observation.tool": _composed(links, self._tool)}
         if self._coords:
-            found["observation.part"] = sim.joint_q[:, self._coords]
+            columns["observation.part"] = sim.joint_q[:, self._coords]
         if self._bodies:
-            found["observation.objects"] = sim.body_q[:, self._bodies].flatten(1)
-        return {name: _numbers(values) for name, values in found.items()}
+            columns["observation.objects"] = sim.body_q[:, self._bodies].flatten(1)
+        return {name: _numbers(values) for name, values in columns.items()}
 
     def _at_rest(self) -> torch.Tensor:
         """Return what the robot's sensors would tell of the start, had it stood there: no torques are known yet."""
         sim = self._env.sim
-        found = torch.zeros(sim.num_envs, len(sim.robot.recorded) - 1, device=sim.device)
-        found[:, : sim.layout.robot_joints] = sim.joint_q[:, : sim.layout.robot_joints]
-        return found
+        sensors = torch.zeros(sim.num_envs, len(sim.robot.recorded) - 1, device=sim.device)
+        sensors[:, : sim.layout.robot_joints] = sim.joint_q[:, : sim.layout.robot_joints]
+        return sensors
 
 
 class _Watch:

@@ -185,8 +185,7 @@ def _index(file: Path) -> int:
 def _read(file: Path) -> dict[str, Any]:
     """Return a JSON file; InputError where it is damaged."""
     try:
-        found = json.loads(file.read_text())
-        return dict(found)
+        return dict(json.loads(file.read_text()))
     except (OSError, ValueError, TypeError) as error:
         raise InputError(f"{file}: not of a dataset ({error}); choose another place") from error
 
@@ -220,8 +219,8 @@ def _task_table(tasks: Sequence[str]) -> pa.Table:
 def _stats(values: np.ndarray) -> dict[str, Any]:
     """Return min, max, mean and standard deviation of a column [frame n], and the number of frames."""
     numbers = values.reshape(len(values), -1).astype(float)
-    found = {kind: getattr(numbers, kind)(axis=0).tolist() for kind in ("min", "max", "mean", "std")}
-    return {**found, "count": [len(values)]}
+    moments = {kind: getattr(numbers, kind)(axis=0).tolist() for kind in ("min", "max", "mean", "std")}
+    return {**moments, "count": [len(values)]}
 
 
 def _stats_of_episode(file: Path) -> Stats:
@@ -238,9 +237,9 @@ def _stats_of_episode(file: Path) -> Stats:
     return stats
 
 
-def _together(known: Stats, more: Stats) -> Stats:
+def _together(stats: Stats, more: Stats) -> Stats:
     """Return the statistics of each column in two sets together."""
-    return {name: _merged(known[name], each) if name in known else each for name, each in more.items()}
+    return {name: _merged(stats[name], each) if name in stats else each for name, each in more.items()}
 
 
 def _merged(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:

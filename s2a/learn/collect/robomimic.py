@@ -100,16 +100,16 @@ class Robomimic:
         for index in range(self.count):
             data[f"demo_{index}"] = h5py.ExternalLink(EPISODE.format(index=index), "/demo")
         valid = [i for i in range(self.count) if i % HELD_OUT == HELD_OUT - 1]
-        for name, kept in (("valid", valid), ("train", [i for i in range(self.count) if i not in valid])):
-            mask[name] = np.array([f"demo_{i}".encode() for i in kept], dtype="S16")
+        for name, indices in (("valid", valid), ("train", [i for i in range(self.count) if i not in valid])):
+            mask[name] = np.array([f"demo_{i}".encode() for i in indices], dtype="S16")
 
     def _read(self, file: Path) -> list[int]:
         """Return the frames of each episode; InputError where the file is of another dataset."""
-        found = lengths(file)
+        frames = lengths(file)
         with h5py.File(file) as index:
             if index["data"].attrs["features"] != _identity(self._features):
                 raise InputError(f"{self.root} holds a dataset of other features or another fps; choose another place")
-        return found
+        return frames
 
 
 def lengths(file: Path) -> list[int]:

@@ -75,13 +75,13 @@ class ColourVideo:
         _finish(self._file, self._stream)
         values, pixels = np.arange(256) / 255.0, np.maximum(self._counts.sum(axis=1), 1)
         mean, squares = self._counts @ values / pixels, self._counts @ values**2 / pixels
-        found = {
+        moments = {
             "min": [values[each.nonzero()[0]].min(initial=1.0) for each in self._counts],
             "max": [values[each.nonzero()[0]].max(initial=0.0) for each in self._counts],
             "mean": mean,
             "std": np.sqrt(np.maximum(squares - mean**2, 0.0)),
         }
-        stats = {kind: np.reshape(each, (3, 1, 1)).tolist() for kind, each in found.items()}
+        stats = {kind: np.reshape(each, (3, 1, 1)).tolist() for kind, each in moments.items()}
         return Images(self._path, self._frames, {**stats, "count": [self._frames]})
 
 
@@ -166,16 +166,16 @@ class FrameMemory:
 
     def arrays(self, memory: Any) -> list[dict[Key, np.ndarray]]:
         """Return the images in shared memory, shape [world height width ...], one dictionary a slot."""
-        found: list[dict[Key, np.ndarray]] = []
+        slots: list[dict[Key, np.ndarray]] = []
         flat, at = np.frombuffer(memory, dtype=np.uint8), 0
         for _ in range(SLOTS):
-            found.append({})
+            slots.append({})
             for key in self.keys:
                 dtype, shape = self._array(key)
                 end = at + int(np.prod(shape)) * np.dtype(dtype).itemsize
-                found[-1][key] = flat[at:end].view(dtype).reshape(shape)
+                slots[-1][key] = flat[at:end].view(dtype).reshape(shape)
                 at = end
-        return found
+        return slots
 
     @property
     def bytes(self) -> int:
@@ -260,11 +260,11 @@ class Encoders:
             self._answers()
         self._pending = 0
         self._ask("end")
-        found: list[dict[Key, Images]] = [{} for _ in range(self._layout.worlds)]
+        files: list[dict[Key, Images]] = [{} for _ in range(self._layout.worlds)]
         for part in self._answers():
             for (world, key), images in part.items():
-                found[world][key] = images
-        return found
+                files[world][key] = images
+        return files
 
     def _ask(self, *message: object) -> None:
         for pipe in self._pipes:

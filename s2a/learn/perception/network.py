@@ -63,8 +63,8 @@ class PartNetwork(nn.Module):
         away = place - guess.detach()[:, None]
         index = away.square().sum(dim=-1).topk(min(NEAR, place.shape[1]), dim=1, largest=False).indices[..., None]
         closer = torch.cat([HEIGHT * away, height], dim=-1).gather(1, index.expand(-1, -1, FEATURES))
-        found = self.head(torch.cat([whole, self.near(closer).amax(dim=1)], dim=-1))
-        return _description(found, guess.detach()), guess
+        numbers = self.head(torch.cat([whole, self.near(closer).amax(dim=1)], dim=-1))
+        return _description(numbers, guess.detach()), guess
 
 
 def _layers(first: int, *widths: int) -> nn.Sequential:
@@ -74,17 +74,17 @@ def _layers(first: int, *widths: int) -> nn.Sequential:
     return nn.Sequential(*(layer for group in each for layer in group))
 
 
-def _description(found: torch.Tensor, guess: torch.Tensor) -> torch.Tensor:
+def _description(numbers: torch.Tensor, guess: torch.Tensor) -> torch.Tensor:
     """Return a network's numbers as a description: directions of length 1, across and inwards at right angles."""
-    point = guess + CENTIMETRES * found[:, :3]
-    inwards = nn.functional.normalize(found[:, 6:9], dim=1)
-    across = found[:, 3:6] - (found[:, 3:6] * inwards).sum(dim=1, keepdim=True) * inwards
+    point = guess + CENTIMETRES * numbers[:, :3]
+    inwards = nn.functional.normalize(numbers[:, 6:9], dim=1)
+    across = numbers[:, 3:6] - (numbers[:, 3:6] * inwards).sum(dim=1, keepdim=True) * inwards
     across = nn.functional.normalize(across, dim=1)
     sign = (across * across.new_tensor(SIDEWAYS)).sum(dim=1, keepdim=True)
     across = torch.where(sign < 0.0, -across, across)
-    axis, along = (nn.functional.normalize(found[:, i : i + 3], dim=1) for i in (9, 12))
-    size = nn.functional.softplus(found[:, 15:18]) * 3.0 * CENTIMETRES
-    slides, lengths = found[:, 18:19].sigmoid(), nn.functional.softplus(found[:, 19:21]) * 0.4
+    axis, along = (nn.functional.normalize(numbers[:, i : i + 3], dim=1) for i in (9, 12))
+    size = nn.functional.softplus(numbers[:, 15:18]) * 3.0 * CENTIMETRES
+    slides, lengths = numbers[:, 18:19].sigmoid(), nn.functional.softplus(numbers[:, 19:21]) * 0.4
     return torch.cat([point, across, inwards, axis, along, size, slides, lengths], dim=1)
 
 
@@ -119,11 +119,11 @@ def features(clouds: Sequence[PartPoints]) -> torch.Tensor:
     return torch.from_numpy(np.stack(each))
 
 
-def loss(found: torch.Tensor, guess: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+def loss(estimate: torch.Tensor, guess: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Return the mean loss of descriptions: centimetres of places, and of directions 1 - cosine, weighed as a policy needs them.
 
     Args:
-        found: what the network found, shape [cloud NUMBERS].
+        estimate: what the network found, shape [cloud NUMBERS].
         guess: its first guess of the grasp point, shape [cloud 3].
         truth: shape [cloud NUMBERS].
     """
@@ -132,16 +132,16 @@ def loss(found: torch.Tensor, guess: torch.Tensor, truth: torch.Tensor) -> torch
         return nn.functional.huber_loss(100.0 * a, 100.0 * b, reduction="none").sum(dim=1)
 
     def cosine(first: int) -> torch.Tensor:
-        return (found[:, first : first + 3] * truth[:, first : first + 3]).sum(dim=1)
+        return (estimate[:, first : first + 3] * truth[:, first : first + 3]).sum(dim=1)
 
     hinge = 1.0 - truth[:, 18]
-    total = centimetres(found[:, :3], truth[:, :3]) + 0.5 * centimetres(guess, truth[:, :3])
+    total = centimetres(estimate[:, :3], truth[:, :3]) + 0.5 * centimetres(guess, truth[:, :3])
     total += 20.0 * (1.0 - cosine(3) ** 2)  # a gripper turned by half is the same
     total += 20.0 * sum(1.0 - cosine(first) for first in (6, 12)) + 10.0 * (1.0 - cosine(9))
-    total += 0.3 * centimetres(found[:, 15:18], truth[:, 15:18])
-    total += 2.0 * nn.functional.binary_cross_entropy(found[:, 18], truth[:, 18], reduction="none")
-    total += 0.05 * hinge * centimetres(found[:, 19:20], truth[:, 19:20])
-    total += 0.02 * centimetres(found[:, 20:21], truth[:, 20:21])
+    total += 0.3 * centimetres(estimate[:, 15:18], truth[:, 15:18])
+    total += 2.0 * nn.functional.binary_cross_entropy(estimate[:, 18], truth[:, 18], reduction="none")
+    total += 0.05 * hinge * centimetres(estimate[:, 19:20], truth[:, 19:20])
+    total += 0.02 * centimetres(estimate[:, 20:21], truth[:, 20:21])
     return total.mean()
 
 
@@ -202,8 +202,8 @@ def train(
     for step in range(config.steps):
         index = torch.randint(len(points), (config.batch,), generator=random, device=device)
         seen, wanted = augmented(points[index], truth[index], config, random)
-        found, guess = network(seen)
-        error = loss(found, guess, wanted)
+        estimate, guess = network(seen)
+        error = loss(estimate, guess, wanted)
         optimizer.zero_grad()
         error.backward()
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
@@ -235,9 +235,9 @@ class Perception:
     def estimate(self, clouds: Sequence[PartPoints]) -> np.ndarray:
         """Return the description of each cloud's part (`s2a.tasks.mdp.seen`), shape [cloud NUMBERS]."""
         seen = features(clouds)
-        found = torch.cat([self._network(some.to(self._device))[0].cpu() for some in seen.split(BATCH)]).numpy()
-        found[:, :3] += np.stack([cloud.center for cloud in clouds])
-        return found
+        numbers = torch.cat([self._network(some.to(self._device))[0].cpu() for some in seen.split(BATCH)]).numpy()
+        numbers[:, :3] += np.stack([cloud.center for cloud in clouds])
+        return numbers
 
 
 def save(network: PartNetwork, path: Path) -> None:
@@ -299,10 +299,10 @@ def fused(estimates: np.ndarray | None, together: int) -> np.ndarray | None:
         return estimates
     count = max(1, len(estimates) // together)
     groups = np.array_split(estimates[: count * together], count)
-    found = np.stack([np.median(group, axis=0) for group in groups])
+    medians = np.stack([np.median(group, axis=0) for group in groups])
     for first in DIRECTIONS:
-        found[:, first : first + 3] /= np.linalg.norm(found[:, first : first + 3], axis=1, keepdims=True) + 1e-9
-    return found
+        medians[:, first : first + 3] /= np.linalg.norm(medians[:, first : first + 3], axis=1, keepdims=True) + 1e-9
+    return medians
 
 
 def seen_pool(index: Path, stages: Sequence[SimStage], perception: Path, device: str) -> list[SimStage]:
@@ -313,11 +313,11 @@ def seen_pool(index: Path, stages: Sequence[SimStage], perception: Path, device:
     """
     entries = pool.read(index)
     if perception.suffix == ESTIMATES:
-        known = read_estimates(perception)
-        missing = [key for key in map(key_of, entries) if key not in known]
+        estimates = read_estimates(perception)
+        missing = [key for key in map(key_of, entries) if key not in estimates]
         if missing:
             raise InputError(f"{perception}: nothing of {', '.join(missing[:3])}; it is of another pool")
-        return [replace(s, estimates=known[key_of(entry)]) for s, entry in zip(stages, entries, strict=True)]
+        return [replace(s, estimates=estimates[key_of(entry)]) for s, entry in zip(stages, entries, strict=True)]
     network = load(perception, device)
     clouds = of_pool(index)
     return [replace(s, estimates=network.estimate(some)) for s, some in zip(stages, clouds, strict=True)]
@@ -357,30 +357,30 @@ def read_estimates(path: Path) -> dict[str, np.ndarray]:
 
 
 def error_table(
-    estimates: Sequence[np.ndarray], known: Sequence[np.ndarray], kinds: Sequence[str]
+    estimates: Sequence[np.ndarray], truths: Sequence[np.ndarray], kinds: Sequence[str]
 ) -> dict[str, dict[str, float]]:
     """Return median and 95th percentile of each error over all frames of all parts.
 
     Args:
         estimates: of each part, shape [frame NUMBERS].
-        known: the truth of each, shape [NUMBERS].
+        truths: the truth of each, shape [NUMBERS].
         kinds: of each part's joint.
     """
-    found = np.concatenate(estimates)
-    true = np.repeat(np.stack(known), [len(each) for each in estimates], axis=0)
+    every = np.concatenate(estimates)
+    true = np.repeat(np.stack(truths), [len(each) for each in estimates], axis=0)
     hinge = np.repeat(np.array(kinds) == "revolute", [len(each) for each in estimates])
-    if found.shape[1] != NUMBERS:
-        raise ValueError(f"estimates of {found.shape[1]} numbers, expected {NUMBERS}")
+    if every.shape[1] != NUMBERS:
+        raise ValueError(f"estimates of {every.shape[1]} numbers, expected {NUMBERS}")
     columns = {
-        "grasp point [m]": np.linalg.norm(found[:, :3] - true[:, :3], axis=1),
-        "across [degree]": _angles(found, true, 3, lines=True),
-        "inwards [degree]": _angles(found, true, 6),
-        "axis [degree]": _angles(found, true, 9),
-        "along [degree]": _angles(found, true, 12),
-        "thickness [m]": np.abs(found[:, 16] - true[:, 16]),
-        "lever arm of hinges [m]": np.abs(found[hinge, 19] - true[hinge, 19]),
-        "travel [m]": np.abs(found[:, 20] - true[:, 20]),
-        "wrong kind": ((found[:, 18] > 0.5) != (true[:, 18] > 0.5)).astype(float),
+        "grasp point [m]": np.linalg.norm(every[:, :3] - true[:, :3], axis=1),
+        "across [degree]": _angles(every, true, 3, lines=True),
+        "inwards [degree]": _angles(every, true, 6),
+        "axis [degree]": _angles(every, true, 9),
+        "along [degree]": _angles(every, true, 12),
+        "thickness [m]": np.abs(every[:, 16] - true[:, 16]),
+        "lever arm of hinges [m]": np.abs(every[hinge, 19] - true[hinge, 19]),
+        "travel [m]": np.abs(every[:, 20] - true[:, 20]),
+        "wrong kind": ((every[:, 18] > 0.5) != (true[:, 18] > 0.5)).astype(float),
     }
     return {
         name: {"median": float(np.median(v)), "p95": float(np.quantile(v, 0.95)), "mean": float(v.mean())}

@@ -126,10 +126,10 @@ class RslRlEnv(RslRlVecEnv):
         """Go on from what `state_dict` returned."""
         self.env.load_state_dict(state["worlds"])
         self._steps = state["steps"]
-        known = {name: i for i, name in enumerate(state["names"])}
-        kept = [(i, known[name]) for i, name in enumerate(self.names) if name in known]
+        saved = {name: i for i, name in enumerate(state["names"])}
+        columns = [(i, saved[name]) for i, name in enumerate(self.names) if name in saved]
         for name in ("counted", "recent"):
-            for i, k in kept:
+            for i, k in columns:
                 getattr(self, name)[i] = state[name][k]
         if len(state["terms"]) == len(self._terms):
             self._terms.copy_(state["terms"])
@@ -142,8 +142,8 @@ class RslRlEnv(RslRlVecEnv):
 
     def _log(self) -> dict[str, torch.Tensor]:
         """Return rates over the recent episodes, NaN before the worlds are warm, and the mean of each reward term."""
-        known = self.recent if self.warm else torch.full_like(self.recent, torch.nan)
-        recent, task = dict(zip(self.names, known.unbind(), strict=True)), self.env.task
+        sums = self.recent if self.warm else torch.full_like(self.recent, torch.nan)
+        recent, task = dict(zip(self.names, sums.unbind(), strict=True)), self.env.task
         terms = (self._terms / self._log_every).unbind()
         self._terms = torch.zeros_like(self._terms)
         logged = (*task.RESULTS.logged, *task.RESULTS.values, *ERRORS)

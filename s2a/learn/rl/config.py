@@ -84,14 +84,17 @@ class PpoConfig:
     tf32: bool
 
 
+OF_THE_ALGORITHM = (
+    "num_learning_epochs", "num_mini_batches", "learning_rate", "desired_kl", "gamma", "lam", "clip_param",
+    "use_clipped_value_loss", "value_loss_coef", "entropy_coef", "max_grad_norm",
+)  # fmt: skip
+"""Settings that rsl-rl's algorithm has under the same name."""
+
+
 def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, Any]:
     """Return the settings under rsl-rl's names; `privileged`: the critic is told more than the actor sees."""
-    network = {
-        "class_name": "MLPModel",
-        "hidden_dims": list(config.hidden_dims),
-        "activation": "elu",
-        "obs_normalization": True,
-    }
+    hidden = list(config.hidden_dims)
+    network = {"class_name": "MLPModel", "hidden_dims": hidden, "activation": "elu", "obs_normalization": True}
     gaussian = "s2a.learn.rl.cuda_graph_ppo:LazyGaussian" if config.cuda_graph else "GaussianDistribution"
     own = {
         "imitation_iterations": config.imitation_iterations,
@@ -107,18 +110,8 @@ def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, An
         "check_for_nan": False,  # the environment resets worlds that are not finite, and counts them
         "algorithm": {
             "class_name": "s2a.learn.rl.cuda_graph_ppo:GraphPpo" if config.cuda_graph else "PPO",
-            "num_learning_epochs": config.num_learning_epochs,
-            "num_mini_batches": config.num_mini_batches,
-            "learning_rate": config.learning_rate,
             "schedule": "adaptive",
-            "desired_kl": config.desired_kl,
-            "gamma": config.gamma,
-            "lam": config.lam,
-            "clip_param": config.clip_param,
-            "use_clipped_value_loss": config.use_clipped_value_loss,
-            "value_loss_coef": config.value_loss_coef,
-            "entropy_coef": config.entropy_coef,
-            "max_grad_norm": config.max_grad_norm,
+            **{name: getattr(config, name) for name in OF_THE_ALGORITHM},
             **(own if config.cuda_graph else {}),
         },
         "actor": {**network, "distribution_cfg": {"class_name": gaussian, **noise}},

@@ -171,8 +171,8 @@ class GraphPpo(PPO):
             has_teacher = TEACHER in st.observations.keys()  # noqa: SIM118  a TensorDict's "in" looks for values
             self._taught = st.observations[TEACHER].flatten(0, 1) if has_teacher else None
         if not self._batch:
-            kept = (st.actions, st.values, st.returns, st.actions_log_prob.squeeze(2), *st.distribution_params)
-            self._batch = (*(torch.empty_like(x) for x in new), *(x.flatten(0, 1) for x in kept))
+            stored = (st.actions, st.values, st.returns, st.actions_log_prob.squeeze(2), *st.distribution_params)
+            self._batch = (*(torch.empty_like(x) for x in new), *(x.flatten(0, 1) for x in stored))
         with torch.no_grad():
             for buffer, value in zip(self._batch, new, strict=False):
                 buffer.copy_(value)

@@ -51,18 +51,18 @@ class PolicyFile:
         file = _found(path)
         self.name = PRETRAINED if str(path) == PRETRAINED else file.name
         self._session = _opened(file)
-        known = self._session.get_modelmeta().custom_metadata_map
-        if WORLD not in known:
+        metadata = self._session.get_modelmeta().custom_metadata_map
+        if WORLD not in metadata:
             raise InputError(f"{file}: does not say in which world it was trained; export it again from its run")
-        self.world: tuple[SimConfig, MdpConfig] = world_of(known[WORLD], file)
+        self.world: tuple[SimConfig, MdpConfig] = world_of(metadata[WORLD], file)
 
     def bound(self, env: VecEnv) -> Callable[[torch.Tensor], torch.Tensor]:
         """Return the mean action [world action] for an observation [world observation]; InputError where they do not fit."""
-        (given,), (told,) = self._session.get_inputs(), self._session.get_outputs()
+        (given,), (actions,) = self._session.get_inputs(), self._session.get_outputs()
         fits = (env.observation.shape[1], env.num_actions)
-        if (given.shape[1], told.shape[1]) != fits:
+        if (given.shape[1], actions.shape[1]) != fits:
             raise InputError(
-                f"policy {self.name}: for {given.shape[1]} observations and {told.shape[1]} actions; this robot and task have "
+                f"policy {self.name}: for {given.shape[1]} observations and {actions.shape[1]} actions; this robot and task have "
                 f"{fits[0]} and {fits[1]}"
             )
 
@@ -86,15 +86,15 @@ def weights(path: Path) -> dict[str, torch.Tensor]:
 
     The exporter has folded the normaliser's deviation and its epsilon into one number, which the first division is by.
     """
-    import onnx
+    import onnx  # 0.2 s to import, which no start of a training should pay
 
     graph = onnx.load(_found(path)).graph
     values = {each.name: torch.from_numpy(onnx.numpy_helper.to_array(each).copy()) for each in graph.initializer}
-    known = {name: value for name, value in values.items() if name.startswith(("mlp.", "obs_normalizer."))}
+    layers = {name: value for name, value in values.items() if name.startswith(("mlp.", "obs_normalizer."))}
     divisor = next(node.input[1] for node in graph.node if node.op_type == "Div")
     deviation = values[divisor] - NORMALIZER_EPS
     of_normalizer = {"_std": deviation, "_var": deviation**2, "count": torch.tensor(OBSERVED)}
-    return {**known, **{f"obs_normalizer.{name}": value for name, value in of_normalizer.items()}}
+    return {**layers, **{f"obs_normalizer.{name}": value for name, value in of_normalizer.items()}}
 
 
 def _opened(file: Path) -> onnxruntime.InferenceSession:
@@ -111,22 +111,18 @@ def _opened(file: Path) -> onnxruntime.InferenceSession:
         raise InputError(f"{file}: not a policy ({why}); give an .onnx that s2a train wrote") from error
 
 
-def forget_source(file: Path) -> None:
-    """Remove from an ONNX file what torch's exporter notes of each node: among it the paths of the source that made it."""
-    import onnx
+def annotate(file: Path, world: Path) -> None:
+    """Write into an ONNX file's metadata in which world it was trained, where a world.json says it.
+
+    What torch's exporter notes of each node is removed: among it are the paths of the source that made it.
+    """
+    import onnx  # 0.2 s to import, which no start of a training should pay
 
     model = onnx.load(file)
     for node in model.graph.node:
         node.ClearField("metadata_props")
-    onnx.save(model, file)
-
-
-def note_world(file: Path, world: str) -> None:
-    """Write into an ONNX file's metadata in which world it was trained, as world.json has it."""
-    import onnx
-
-    model = onnx.load(file)
-    onnx.helper.set_model_props(model, {WORLD: json.dumps(json.loads(world))})
+    if world.is_file():
+        onnx.helper.set_model_props(model, {WORLD: json.dumps(json.loads(world.read_text()))})
     onnx.save(model, file)
 
 
@@ -161,8 +157,5 @@ def export(model: nn.Module, checkpoint: Path) -> list[Path]:
             external_data=False,
             verbose=False,
         )
-        forget_source(out)
-        world = checkpoint.parent / run_folder.FILE
-        if world.is_file():
-            note_world(out, world.read_text())
+        annotate(out, checkpoint.parent / run_folder.FILE)
     return [script, graph]

@@ -39,14 +39,14 @@ UNSEEN = {"obs_normalizer._mean": 0.0, "obs_normalizer._var": 1.0, "obs_normaliz
 
 
 def widened(
-    saved: Mapping[str, torch.Tensor], own: Mapping[str, torch.Tensor], known: int, given: int
+    saved: Mapping[str, torch.Tensor], own: Mapping[str, torch.Tensor], count: int, given: int
 ) -> dict[str, torch.Tensor]:
     """Return saved weights as a network takes them that has further inputs; it gives what the saved one gives.
 
     Args:
         saved: of a network and its normaliser, under rsl-rl's names.
         own: those of the network that is to begin so; what the saved one lacks stays.
-        known: how many numbers the policy observed.
+        count: how many numbers the policy observed.
         given: how many it observes; the further ones come after these, and what else is new, which a critic alone is told, at
             the end.
     """
@@ -56,8 +56,8 @@ def widened(
         further = own[name].shape[1] - before.shape[1]
         if further > 0:
             new = before.new_full((len(before), further), value)
-            observed, told = new.tensor_split([given - known], dim=1)
-            weights[name] = torch.cat([before[:, :known], observed, before[:, known:], told], dim=1)
+            observed, privileged = new.tensor_split([given - count], dim=1)
+            weights[name] = torch.cat([before[:, :count], observed, before[:, count:], privileged], dim=1)
     return weights
 
 
@@ -184,15 +184,15 @@ class Runner(OnPolicyRunner):
                 saved = {"actor": saved["actor_state_dict"] | noise, "critic": saved["critic_state_dict"]}
             else:
                 saved = {"actor": policy_file.weights(checkpoint)}
-            known, given = (each["obs_normalizer._mean"].shape[1] for each in (saved["actor"], actor.state_dict()))
-            if known > given:
+            observed, given = (each["obs_normalizer._mean"].shape[1] for each in (saved["actor"], actor.state_dict()))
+            if observed > given:
                 raise InputError(
-                    f"key 'init': {checkpoint} observes {known} numbers, and this run gives {given}; give the keys of its task, "
-                    "as task.describe_part=true task.fine_grasp=true"
+                    f"key 'init': {checkpoint} observes {observed} numbers, and this run gives {given}; give the keys of "
+                    "its task, as task.describe_part=true task.fine_grasp=true"
                 )
             for name, network in (("actor", actor), ("critic", critic)):
                 if name in saved:
-                    network.load_state_dict(widened(saved[name], network.state_dict(), known, given))
+                    network.load_state_dict(widened(saved[name], network.state_dict(), observed, given))
         except InputError:
             raise
         except Exception as error:  # of torch, pickle, zipfile: whatever a damaged or foreign file makes them raise

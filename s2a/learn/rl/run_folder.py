@@ -9,7 +9,7 @@ import math
 import shutil
 import time
 import zipfile
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -138,9 +138,9 @@ def starts(out: Path) -> list[dict[str, Any]]:
     if not file.is_file():
         return []
     try:
-        found = json.loads(file.read_text())
-        if [start["stage_sha256"] for start in found]:
-            return found
+        every = json.loads(file.read_text())
+        if [start["stage_sha256"] for start in every]:
+            return every
         raise ValueError("it is empty")
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(
@@ -181,26 +181,19 @@ def cut(out: Path, first: int) -> None:
     for folder in (*out.glob(".model_*"), *out.glob(".metrics.json.*")):
         shutil.rmtree(folder)
     if any(out.glob("events.*")):
-        _next_second()
+        # TensorBoard reads event files by name, of second and number: of one second, the tenth comes before the ninth.
+        time.sleep(1.01 - time.time() % 1.0)
         SummaryWriter(str(out), purge_step=first).close()
-        _next_second()
-
-
-def _next_second() -> None:
-    """Wait until the clock shows another second.
-
-    TensorBoard reads event files by name, of second and number: of one second, the tenth comes before the ninth.
-    """
-    time.sleep(1.01 - time.time() % 1.0)
+        time.sleep(1.01 - time.time() % 1.0)
 
 
 def curve(out: Path) -> list[dict[str, float]]:
     """Return what TensorBoard logged of episodes, a row an iteration: rates and values by name, and the mean reward."""
-    events = _events(out)
+    events = EventAccumulator(str(out), size_guidance={"scalars": 0}).Reload()
     tags = {tag.removeprefix("/"): tag for tag in events.Tags()["scalars"] if tag.startswith("/")}
     rows: dict[int, dict[str, float]] = {}
     for name, tag in (tags | {"reward": "Train/mean_reward"}).items():
-        for event in _scalars(events, tag):
+        for event in events.Scalars(tag) if tag in events.Tags()["scalars"] else ():
             if math.isfinite(event.value) and not name.startswith("term/"):
                 rows.setdefault(event.step, {"iteration": event.step})[name] = event.value
     return [rows[i] for i in sorted(rows)]
@@ -208,19 +201,13 @@ def curve(out: Path) -> list[dict[str, float]]:
 
 def times(out: Path) -> list[float]:
     """Return when each iteration was logged [s], on the wall's clock."""
-    return [event.wall_time for event in _scalars(_events(out), "Perf/total_fps")]
+    return [event.wall_time for event in scalars(out, "Perf/total_fps")]
 
 
-def _events(out: Path) -> EventAccumulator:
-    """Return what lies in a folder's event files, less what was cut."""
-    events = EventAccumulator(str(out), size_guidance={"scalars": 0})
-    events.Reload()
-    return events
-
-
-def _scalars(events: EventAccumulator, tag: str) -> Iterator[Any]:
-    """Return a tag's events; none if it was never logged."""
-    yield from events.Scalars(tag) if tag in events.Tags()["scalars"] else []
+def scalars(out: Path, tag: str) -> list[Any]:
+    """Return the events that TensorBoard logged under a tag, less what was cut; none if it was never logged."""
+    events = EventAccumulator(str(out), size_guidance={"scalars": 0}).Reload()
+    return events.Scalars(tag) if tag in events.Tags()["scalars"] else []
 
 
 FILE = "world.json"

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from s2a.core.errors import InputError
 from s2a.robot.tool_path import matrices
 from s2a.scene.articulation import opening_sign
-from s2a.scene.scene import Mesh
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
@@ -95,14 +94,6 @@ def _numbers(sim: Simulation, config: Any, metrics: Any) -> Numbers:
 def travel_scale(sim: Simulation, full_travel: float) -> np.ndarray:
     """Return the factor of all openings, below 1 where a part travels less than `full_travel` [m], shape [world]."""
     return np.minimum(1.0, np.array([sim.stages[i].travel for i in sim.stage_of_env]) / full_travel)
-
-
-def surface(mesh: Mesh) -> wp.Mesh:
-    """Return a mesh for queries in kernels; who uses its id keeps it."""
-    return wp.Mesh(
-        wp.array(np.asarray(mesh.vertices, np.float32), dtype=wp.vec3),
-        wp.array(np.asarray(mesh.faces, np.int32).ravel(), dtype=int),
-    )
 
 
 def watch_others(w: World, sim: Simulation, moves: Sequence[int]) -> None:

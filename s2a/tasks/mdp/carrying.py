@@ -40,8 +40,8 @@ def is_inside(w: World, point: wp.vec3):
 
 
 @wp.func
-def place_error(s: State, w: World, world: int):
-    """Return the distance of the object from its planned place [m]."""
+def position_error(s: State, w: World, world: int):
+    """Distance of the object from its planned place [m]."""
     now = at_place(w, s.body_q, world)
     return wp.length(wp.transform_get_translation(now) - wp.transform_get_translation(w.place.goal))
 
@@ -54,8 +54,8 @@ def angle_between(a: wp.transform, b: wp.transform):
 
 
 @wp.func
-def turn_error(s: State, w: World, world: int):
-    """Return the angle between the object's rotation and the planned one [rad]."""
+def angle_error(s: State, w: World, world: int):
+    """Angle between the object's orientation and the planned one [rad]."""
     return angle_between(w.place.goal, at_place(w, s.body_q, world))
 
 
@@ -186,7 +186,8 @@ def update(s: State, w: World):
     """Count the steps in which the object rests at its place; end the episode after enough of them."""
     world = wp.tid()
     number = w.number
-    there = place_error(s, w, world) <= number.position_tolerance and turn_error(s, w, world) <= number.angle_tolerance
+    there = position_error(s, w, world) <= number.position_tolerance
+    there = there and angle_error(s, w, world) <= number.angle_tolerance
     gone = w.carried[world, Carried.touched] == 0.0 and gripper_clearance(s, w, world) >= number.clear_distance
     there = there and gone and is_stored(s, w, world)
     w.carried[world, Carried.still] = steps_at_rest(s, w, there, world)
@@ -258,18 +259,6 @@ def grasped(s: State, w: World, world: int):
 def remaining(s: State, w: World, world: int):
     """The container's coordinate at the end [m or rad]."""
     return wp.abs(s.joint_q[world, w.place.coord])
-
-
-@wp.func
-def position_error(s: State, w: World, world: int):
-    """Distance from the place at the end [m]."""
-    return place_error(s, w, world)
-
-
-@wp.func
-def angle_error(s: State, w: World, world: int):
-    """Angle against the planned orientation at the end [rad]."""
-    return turn_error(s, w, world)
 
 
 @wp.func

@@ -7,7 +7,7 @@ The formulas of distance, rotation, opening, finger, bonus and action are those 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import warp as wp
 
-from s2a.tasks.mdp.carrying import place_error
+from s2a.tasks.mdp.carrying import position_error
 from s2a.tasks.mdp.grasp import firmness, frames, opening_at, opening_of, tool_distance
 from s2a.tasks.state import Carried, Grasped, State, World, finger_position
 
@@ -68,12 +68,18 @@ def bonus(s: State, w: World, world: int):
 
 
 @wp.func
+def sum_of_squares(values: wp.array2d(dtype=float), world: int, count: int):
+    """Return the sum of the squares of a world's first values [world column]."""
+    squares = float(0.0)
+    for i in range(count):
+        squares += values[world, i] * values[world, i]
+    return squares
+
+
+@wp.func
 def action(s: State, w: World, world: int):
     """Weight of the sum of the squared actions; below 0: a cost."""
-    effort = float(0.0)
-    for i in range(s.action.shape[1]):
-        effort += s.action[world, i] * s.action[world, i]
-    return effort
+    return sum_of_squares(s.action, world, s.action.shape[1])
 
 
 @wp.func
@@ -127,19 +133,13 @@ def closing(s: State, w: World, world: int):
 @wp.func
 def joint_speed(s: State, w: World, world: int):
     """Weight of the sum of the squared speeds of the arm's joints [rad^2/s^2]; below 0: a cost."""
-    squares = float(0.0)
-    for i in range(s.arm):
-        squares += s.joint_qd[world, i] * s.joint_qd[world, i]
-    return squares
+    return sum_of_squares(s.joint_qd, world, s.arm)
 
 
 @wp.func
 def torque(s: State, w: World, world: int):
     """Weight of the sum of the squared torques of the arm's drives [N^2 m^2]; below 0: a cost."""
-    squares = float(0.0)
-    for i in range(s.arm):
-        squares += s.torque[world, i] * s.torque[world, i]
-    return squares
+    return sum_of_squares(s.torque, world, s.arm)
 
 
 @wp.func
@@ -151,7 +151,7 @@ def contact_force(s: State, w: World, world: int):
 @wp.func
 def place(s: State, w: World, world: int):
     """Weight of the object being near its place: 1 / (1 + 10 d)."""
-    return 1.0 / (1.0 + 10.0 * place_error(s, w, world))
+    return 1.0 / (1.0 + 10.0 * position_error(s, w, world))
 
 
 @wp.func

@@ -187,13 +187,9 @@ class Dynamics:
 
 def scaled(mass: Mass, factor: float) -> Mass:
     """Return a mass of another size and the same shape."""
-    inertia = mass.inertia
-    return replace(
-        mass,
-        mass=mass.mass * factor,
-        inertia=(inertia[0] * factor, inertia[1] * factor, inertia[2] * factor),
-        source="identified",
-    )
+    x, y, z = mass.inertia
+    inertia = x * factor, y * factor, z * factor
+    return replace(mass, mass=mass.mass * factor, inertia=inertia, source="identified")
 
 
 def write(below: str, part: str, mass: Mass | None, friction: float | None, resistance: Resistance, path: Path) -> None:

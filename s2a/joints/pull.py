@@ -14,6 +14,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
+from s2a.core.bounds import Positive
 from s2a.core.errors import InputError
 from s2a.joints.pulled import Moving
 from s2a.robot import urdf
@@ -33,11 +34,6 @@ CHOICE = "data/chunk_index", "data/file_index"
 """Columns of `meta/episodes`: the file of an episode's frames."""
 Column = tuple[str, int | None]
 """A feature, and which of its numbers; None: it is one."""
-
-
-def names(root: Path) -> tuple[str, ...]:
-    """Return the names of a dataset's columns, as a recording's are named (docs/identification.md)."""
-    return tuple(_columns(_info(root)))
 
 
 def lerobot_tables(root: Path, columns: Sequence[str], episodes: Sequence[int]) -> Iterator[tuple[str, np.ndarray]]:
@@ -170,8 +166,8 @@ class Noise:
         force: [N].
     """
 
-    opening: float
-    force: float
+    opening: Positive
+    force: Positive
 
 
 def read(path: Path, episodes: Sequence[int] = ()) -> list[Pull]:
@@ -182,7 +178,7 @@ def read(path: Path, episodes: Sequence[int] = ()) -> list[Pull]:
 def header(path: Path) -> tuple[str, ...]:
     """Return the names of a CSV file's columns, or of a LeRobot dataset's; none where there is no file or no text in it."""
     if path.is_dir():
-        return names(path)
+        return tuple(_columns(_info(path)))  # named as a recording's are (docs/identification.md)
     if not path.is_file():
         return ()
     with path.open(errors="replace") as file:

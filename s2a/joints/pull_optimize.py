@@ -281,7 +281,8 @@ class PullLoss:
         steps = int(np.ceil((high.max() + config.hold) * config.rate))
         self._worlds = ArmWorlds([each for each in pulled for _ in range(copies)], steps, 1.0 / config.rate, device)
         self._begun = torch.arange(1, steps + 1, dtype=torch.float64)[:, None] / config.rate
-        self._splines = tuple(torch.tensor(_basis(config.knots, order)) for order in range(3))
+        basis, time = _spline(config.knots), np.linspace(0.0, 1.0, SAMPLES)
+        self._splines = tuple(torch.tensor((basis.derivative(i) if i else basis)(time)) for i in range(3))
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return costs, shape [point], and their gradients, shape [point variable], at points [point variable]."""
@@ -370,12 +371,6 @@ def _spline(knots: int) -> BSpline:
     """Return the basis of a cubic B-spline with so many coefficients, from 0 to 1."""
     inner = np.linspace(0.0, 1.0, knots - DEGREE + 1)
     return BSpline(np.concatenate([[0.0] * DEGREE, inner, [1.0] * DEGREE]), np.eye(knots), DEGREE)
-
-
-def _basis(knots: int, order: int) -> np.ndarray:
-    """Return the basis' derivatives at SAMPLES even times, shape [sample knot]."""
-    spline = _spline(knots)
-    return (spline.derivative(order) if order else spline)(np.linspace(0.0, 1.0, SAMPLES))
 
 
 @dataclass(frozen=True)

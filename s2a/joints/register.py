@@ -218,11 +218,6 @@ def read(path: Path) -> ScanMesh:
     return ply.read(folder.find_bare(path).mesh)
 
 
-def surface(mesh: ScanMesh) -> OrientedMesh:
-    """Return a scan's mesh as registration takes it."""
-    return OrientedMesh(mesh.vertices, mesh.faces)
-
-
 def label(index: int, proposal: Proposal) -> str:
     """Return the label of a proposal by its place in the list, such as "drawer.2"."""
     return f"{NAMES[proposal.joint.kind]}.{index + 1}"
@@ -245,9 +240,9 @@ def write(registration: Registration, mesh: ScanMesh, name: str, out: Path, **fa
     stats = {"totalFaces": len(mesh.faces), "totalVertices": len(mesh.vertices)}
     joints = [joint_record(n, p, mesh.origin) for n, _, p in numbered]
     listed = [{"pid": n, "label": text, "group": "others"} for n, text, _ in numbered]
-    model = f"register.{name}"
-    _write(out / f"{name}_parts.json", {"modelId": model, "data": {"stats": stats, "annotations": parts}})
-    _write(out / f"{name}_artic.json", {"modelId": model, "data": {"parts": listed, "articulations": joints}})
+    data = {"parts": {"stats": stats, "annotations": parts}, "artic": {"parts": listed, "articulations": joints}}
+    for ending, content in data.items():
+        _write(out / f"{name}_{ending}.json", {"modelId": f"register.{name}", "data": content})
     about = registration.alignment
     alignment = {"motion": about.motion.tolist(), "overlap": about.overlap, "rms_m": about.rms}
     figures = [{"label": text} | figures_of(p) for _, text, p in numbered]
@@ -257,31 +252,17 @@ def write(registration: Registration, mesh: ScanMesh, name: str, out: Path, **fa
 def joint_record(number: int, proposal: Proposal, origin: np.ndarray) -> dict[str, Any]:
     """Return Articulate3D's record of a joint; `origin` takes the reader's coordinates to the file's [m], shape [3]."""
     joint = proposal.joint
-    return {
-        "pid": number,
-        "type": articulate3d.TYPES[joint.kind],
-        "origin": (np.array(joint.origin) + origin).tolist(),
-        "axis": list(joint.axis),
-        "base": [],
-        "rangeMin": joint.limits[0],
-        "rangeMax": joint.limits[1],
-    }
+    place = {"origin": (np.array(joint.origin) + origin).tolist(), "axis": list(joint.axis), "base": []}
+    limits = {"rangeMin": joint.limits[0], "rangeMax": joint.limits[1]}
+    return {"pid": number, "type": articulate3d.TYPES[joint.kind], **place, **limits}
 
 
 def figures_of(proposal: Proposal) -> dict[str, Any]:
     """Return how certain a proposal is: standard deviations in radians and metres, and what it explains."""
-    return {
-        "kind": proposal.joint.kind,
-        "open": proposal.joint.limits[1],
-        "faces": len(proposal.faces),
-        "explained_m2": proposal.explained,
-        "rms_m": proposal.rms,
-        "deviations": {
-            "axis": proposal.axis_deviation,
-            "origin": proposal.origin_deviation,
-            "open": proposal.open_deviation,
-        },
-    }
+    p = proposal
+    figures = {"kind": p.joint.kind, "open": p.joint.limits[1], "faces": len(p.faces)}
+    deviations = {"axis": p.axis_deviation, "origin": p.origin_deviation, "open": p.open_deviation}
+    return {**figures, "explained_m2": p.explained, "rms_m": p.rms, "deviations": deviations}
 
 
 def _write(path: Path, content: dict[str, Any], indent: int | None = None) -> None:

@@ -18,31 +18,26 @@ FOREIGN = (".obj", ".glb", ".gltf", ".stl", ".off", ".dae", ".usdz", ".fbx")
 
 
 @dataclass(frozen=True)
-class ScanFiles:
-    """The files of one scan.
+class BareFiles:
+    """The files of a scan whose motions nobody annotated.
 
     Attributes:
         name: the scan's name ("0a5c013435").
         mesh: ScanNet++'s mesh, which everything else counts in.
-        parts: Articulate3D's parts, `<name>_parts.json`.
-        articulations: Articulate3D's motions, `<name>_artic.json`.
         segments: ScanNet++'s segments and groups of segments, or None where the folder has neither.
     """
 
     name: str
     mesh: Path
-    parts: Path
-    articulations: Path
     segments: tuple[Path, Path] | None
 
 
 @dataclass(frozen=True)
-class BareFiles:
-    """The files of a scan whose motions nobody annotated: `name`, `mesh` and `segments` as in `ScanFiles`."""
+class ScanFiles(BareFiles):
+    """The files of one scan: Articulate3D's `parts`, `<name>_parts.json`, and motions, `<name>_artic.json`, too."""
 
-    name: str
-    mesh: Path
-    segments: tuple[Path, Path] | None
+    parts: Path
+    articulations: Path
 
 
 def is_articulate3d(path: Path) -> bool:

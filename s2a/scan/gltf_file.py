@@ -19,11 +19,8 @@ from s2a.scan.source import CLAMP, MIRROR, PLAIN, REPEAT, Material, beside, deco
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4", 5130: "f8"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
-_COMPRESSED = {
-    "KHR_draco_mesh_compression": "Draco",
-    "EXT_meshopt_compression": "meshopt",
-    "KHR_meshopt_compression": "meshopt",
-}
+_COMPRESSED = {"KHR_draco_mesh_compression": "Draco"}
+_COMPRESSED |= dict.fromkeys(("EXT_meshopt_compression", "KHR_meshopt_compression"), "meshopt")
 _DECOMPRESS = "npx @gltf-transform/cli copy IN.glb OUT.glb decompresses it"
 _MOST = 500_000_000  # numbers in an accessor
 

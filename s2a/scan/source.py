@@ -25,14 +25,8 @@ def beside(folder: Path, name: str) -> Path | None:
     """
     plain = name.strip().strip('"').strip("'")
     slashed = plain.replace("\\", "/")
-    names = [
-        name.strip(),
-        plain,
-        slashed,
-        unquote(slashed),
-        slashed.rsplit("/", 1)[-1],
-        unquote(slashed).rsplit("/", 1)[-1],
-    ]
+    bare = [path.rsplit("/", 1)[-1] for path in (slashed, unquote(slashed))]
+    names = [name.strip(), plain, slashed, unquote(slashed), *bare]
     for each in dict.fromkeys(names):
         if each and "\0" not in each and (file := _existing(folder, each)):
             return file

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from s2a import robot
@@ -26,19 +26,6 @@ from s2a.sim.world import read_stage
 
 UNITS = {"mass": "of the stage's mass", "damping": "N s/m", "friction": "N", "breakaway": "N more", "spring": "N/m"}
 UNITS |= {"pull_in": "N, of a soft close", "closing": "N s/m, of a soft close"}
-
-
-@dataclass(frozen=True)
-class PullNoise:
-    """Standard deviations of a recording's samples.
-
-    Attributes:
-        opening: [m].
-        force: [N].
-    """
-
-    opening: Positive
-    force: Positive
 
 
 @dataclass(frozen=True)
@@ -71,7 +58,7 @@ class Config:
     soft_close_reach: Positive
     out: Path
     record: Path | None
-    noise: PullNoise
+    noise: Noise
     device: str
 
 
@@ -105,7 +92,7 @@ def _identified(config: Config, body: Moving, part: str) -> Dynamics:
     by_robot = [bool({*spec.joints} & {*header(path)}) for path in config.pulls]
     if not any(by_robot):
         pulls = [each for path in config.pulls for each in read(path, config.episodes)]
-        (fitted,) = identify([body], [pulls], Noise(**asdict(config.noise)), device_of(config.device))
+        (fitted,) = identify([body], [pulls], config.noise, device_of(config.device))
         return fitted
     if not all(by_robot):
         raise InputError(

@@ -9,7 +9,7 @@ from pathlib import Path
 from s2a import robot, tasks
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.joints.pull_optimize import Optimum, PullConfig, optimize
+from s2a.joints.pull_optimize import PullConfig, optimize
 from s2a.joints.pulled import pulled
 from s2a.motion import trajectory
 from s2a.motion.open import planned_path
@@ -18,6 +18,9 @@ from s2a.robot.spec import RobotSpec
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
+
+KNOTS = 6
+"""Four coefficients are bound by rest at both ends."""
 
 
 @dataclass(frozen=True)
@@ -67,19 +70,11 @@ def run(config: Config) -> str:
     (optimum,), rounds = optimize([target], config.pull)
     with atomic_write(config.out) as out:
         trajectory.write(optimum.law, out)
-    return f"{config.out}: pull of {stage.target} in {rounds} evaluations\n{_summary(optimum, config)}"
-
-
-KNOTS = 6
-"""Four coefficients are bound by rest at both ends."""
-
-
-def _summary(optimum: Optimum, config: Config) -> str:
     end = min(round(optimum.law.seconds * config.pull.rate), len(optimum.opening) - 1)
     missed = 1e3 * (optimum.opening[end] + config.offset - optimum.law.goal)
-    return "\n".join(
-        [
-            f"  {optimum.law.goal:.3f} m in {optimum.law.seconds:.2f} s, with {optimum.force.max():.1f} N at most",
-            f"  predicted to end {missed:+.1f} mm from the goal, at {1e3 * optimum.speed[end]:.1f} mm/s",
-        ]
-    )
+    lines = [
+        f"{config.out}: pull of {stage.target} in {rounds} evaluations",
+        f"  {optimum.law.goal:.3f} m in {optimum.law.seconds:.2f} s, with {optimum.force.max():.1f} N at most",
+        f"  predicted to end {missed:+.1f} mm from the goal, at {1e3 * optimum.speed[end]:.1f} mm/s",
+    ]
+    return "\n".join(lines)

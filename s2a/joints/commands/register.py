@@ -11,6 +11,7 @@ from s2a.core.outputs import atomic_write, refuse_loss
 from s2a.core.provenance import provenance
 from s2a.joints import register as files
 from s2a.joints.register import MIN_OVERLAP, Proposal, register
+from s2a.joints.register_surface import OrientedMesh
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ def run(config: Config) -> str:
     closed, opened = (files.read(path) for path in (config.closed, config.open))
     if config.out:
         refuse_loss(config.out, files.REPORT, [closed.path, opened.path])
-    registration = register(files.surface(closed), files.surface(opened))
+    registration = register(*(OrientedMesh(scan.vertices, scan.faces) for scan in (closed, opened)))
     if not registration.one_room:
         raise InputError(
             f"{config.open}: {registration.alignment.overlap:.0%} of its surface lies on {config.closed}, "

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from s2a.core.check import Check, Status, at_most
+from s2a.core.check import Check, Status, at_least, at_most
 from s2a.scan.evidence import Bounds, contact
 from s2a.scan.evidence import joint as motion
 from s2a.scan.evidence.front import Front, front, panel
@@ -91,16 +91,7 @@ def _level(facing: np.ndarray, bounds: Bounds) -> Check:
     ratio = own / most if most > 0 else 0.0
     text = ", ".join(f"{x:.2f}" for x in best)
     message = f"{own:.0%} of its surface is level, but {most:.0%} lies across ({text}): is that up?"
-    good = ratio >= bounds.level
-    return Check(
-        "up_axis",
-        "pass" if good else "warn",
-        ratio,
-        bounds.level,
-        "of the most",
-        message=message,
-        remedy="" if good else REMEDY,
-    )
+    return at_least("up_axis", ratio, bounds.level, "of the most", otherwise="warn", message=message, remedy=REMEDY)
 
 
 def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Check:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import QhullError
@@ -34,24 +35,13 @@ def floating(surface: ScanSurface, bounds: Bounds) -> list[Check]:
 
 def shared_faces(overlaps: Sequence[Overlap], bounds: Bounds) -> list[Check]:
     """Judge the faces that two unrelated parts list; one of both is wrong, and the deeper part gets them."""
+    remedy = f"possible: up to {bounds.overlap:.0%}; remove them from the part to which they do not belong"
+    row = Check("shared_faces", "warn", bound=bounds.overlap, unit="of the faces", remedy=remedy)
     checks = []
-    for overlap in overlaps:
-        if overlap.fraction > bounds.overlap:
-            first, second = overlap.parts
-            message = f"{overlap.faces} of its faces, {overlap.fraction:.0%}, are listed by {second} too"
-            remedy = f"possible: up to {bounds.overlap:.0%}; remove them from the part to which they do not belong"
-            checks.append(
-                Check(
-                    "shared_faces",
-                    "warn",
-                    overlap.fraction,
-                    bounds.overlap,
-                    "of the faces",
-                    part=first,
-                    message=message,
-                    remedy=remedy,
-                )
-            )
+    for overlap in (each for each in overlaps if each.fraction > bounds.overlap):
+        first, second = overlap.parts
+        message = f"{overlap.faces} of its faces, {overlap.fraction:.0%}, are listed by {second} too"
+        checks.append(replace(row, value=overlap.fraction, part=first, message=message))
     return checks
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -99,14 +99,12 @@ def front(surface: ScanSurface, part: str) -> Front | None:
     seen = (ahead - behind) / (ahead + behind) if ahead + behind > 0 else np.nan
     facing = surface.winding * _facing(mesh, normal)
     relief = _relief(surface.scene, part, normal, offset)
-    votes = [np.sign(v) for v, least in ((seen, SIDED), (facing, SIDED), (relief, RELIEF)) if abs(v) >= least]
-    sign = -1.0 if sum(votes) < 0 else 1.0
     axes, low, high, fill = _rectangle(mesh, normal)
-    height = sign * (mesh.vertices @ normal - offset)
-    thickness = float(max(0.0, -np.quantile(height, 0.02)))
-    return Front(
-        sign * normal, sign * offset, axes, low, high, thickness, fill, sign * seen, sign * facing, sign * relief
-    )
+    one = Front(normal, offset, axes, low, high, 0.0, fill, seen, facing, relief)
+    sign = -1.0 if sum(np.sign(vote) for vote in one.votes.values()) < 0 else 1.0
+    thickness = float(max(0.0, -np.quantile(sign * (mesh.vertices @ normal - offset), 0.02)))
+    outwards = {name: sign * getattr(one, name) for name in ("normal", "offset", "seen", "facing", "relief")}
+    return replace(one, thickness=thickness, **outwards)
 
 
 def _facing(mesh: Mesh, normal: np.ndarray) -> float:

@@ -109,7 +109,7 @@ def slide_axis(part: str, joint: Joint, front: Front, bounds: Bounds) -> Check:
     axis = np.array(joint.axis)
     angle = min(normal_angle(axis, front), edge_angle(axis, front))
     message = f"its axis is {angle:.1f} deg off its front's normal and edges"
-    remedy = f"possible: up to {bounds.angle:g} deg; take {_text(front.normal)} for a drawer"
+    remedy = f"possible: up to {bounds.angle:g} deg; take ({', '.join(f'{x:.3f}' for x in front.normal)}) for a drawer"
     return at_most("slide_axis", angle, bounds.angle, "deg", part=part, message=message, remedy=remedy)
 
 
@@ -196,10 +196,6 @@ def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bound
     )
 
 
-def _text(direction: np.ndarray) -> str:
-    return "(" + ", ".join(f"{x:.3f}" for x in direction) + ")"
-
-
 SLIDES = re.compile(r"\bdrawers?\b")
 """Names of parts that slide."""
 TURNS = re.compile(r"\b(doors?|windows?|lids?|flaps?|gates?|mirrors?)\b")
@@ -212,11 +208,8 @@ def kind(part: str, label: str, joint: Joint, front: Front, bounds: Bounds) -> C
     forwards = joint.kind == "prismatic" and along_normal(joint, front)
     upwards = joint.kind == "prismatic" and not forwards and abs(joint.axis[2]) > 0.7 and abs(front.normal[2]) < 0.7
     if SLIDES.search(name):
-        wrong, does, usual = (
-            not forwards,
-            "turns" if joint.kind == "revolute" else "moves in its front's plane",
-            "slides",
-        )
+        wrong, usual = not forwards, "slides"
+        does = "turns" if joint.kind == "revolute" else "moves in its front's plane"
     elif TURNS.search(name) and not LIFTS.search(name):
         wrong, does = forwards or upwards, "slides forwards" if forwards else "slides upwards"
         usual = "turns about an edge"

@@ -21,17 +21,7 @@ from s2a.scan.source import CLAMP, PLAIN, REPEAT, Material, SourceMesh, Stated, 
 
 _log = logging.getLogger(__name__)
 
-_ARITY = {
-    "-blendu": 1,
-    "-blendv": 1,
-    "-boost": 1,
-    "-cc": 1,
-    "-clamp": 1,
-    "-imfchan": 1,
-    "-texres": 1,
-    "-type": 1,
-    "-bm": 1,
-}
+_ARITY = dict.fromkeys("-blendu -blendv -boost -cc -clamp -imfchan -texres -type -bm".split(), 1)
 _ARITY |= {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}
 """Options of a map and how many arguments they take; the last three take one to three numbers."""
 
@@ -172,8 +162,11 @@ def _textured(mesh: Path, file: Path, text: str) -> Painted:
     # The factor is left at 1: exporters write Kd 0 or 0.8 beside a texture. Without the texture it tells nothing.
     wrap = CLAMP if options.get("-clamp", ["off"])[0].lower() == "on" else REPEAT
     material = PLAIN if image is None else Material(np.ones(3), image, (wrap, wrap))
-    scale, offset = (_two(options.get(key, []), default) for key, default in (("-s", 1.0), ("-o", 0.0)))
-    return Painted(material, scale, offset)
+    pairs = []
+    for key, default in (("-s", 1.0), ("-o", 0.0)):
+        values = [float(word) if _is_number(word) else default for word in options.get(key, [])[:2]]
+        pairs.append(np.array(values + [default] * (2 - len(values))))
+    return Painted(material, *pairs)
 
 
 def _options(text: str) -> tuple[dict[str, list[str]], str]:
@@ -198,11 +191,6 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _two(words: list[str], default: float) -> np.ndarray:
-    values = [float(word) if _is_number(word) else default for word in words[:2]]
-    return np.array(values + [default] * (2 - len(values)))
 
 
 NAME = "OBJ"

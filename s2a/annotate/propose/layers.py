@@ -71,7 +71,7 @@ class Points:
     normal: np.ndarray
     color: np.ndarray
 
-    def __getitem__(self, chosen: np.ndarray) -> Points:
+    def __getitem__(self, chosen: np.ndarray | slice) -> Points:
         """Return some of the points."""
         return Points(self.place[chosen], self.normal[chosen], self.color[chosen])
 
@@ -153,15 +153,15 @@ def layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
     """Yield the upright planes of a room with enough area."""
     for azimuth in azimuths(points):
         normal = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        flat = points.normal @ normal > FACING
         offset = points.place @ normal
+        # In the order of their offsets, so that what is near to a plane is a slice, which copies nothing.
         order = np.argsort(offset)
-        along = offset[order]
+        offset, ordered = offset[order], points[order]
+        flat = ordered.normal @ normal > FACING
         peaks = np.array(_peaks(offset[flat], config))
         for peak in peaks:
-            start, end = np.searchsorted(along, [peak - 2 * AHEAD, peak + 2 * AHEAD])
-            near = np.sort(order[start:end])
-            around, facing = points[near], flat[near]
+            near = slice(*np.searchsorted(offset, [peak - 2 * AHEAD, peak + 2 * AHEAD]))
+            around, facing = ordered[near], flat[near]
             places = around.place[facing & (np.abs(offset[near] - peak) < 2 * config.layer)]
             for level in _levelled(places, normal, peak, peaks[peaks != peak], config):
                 yield _image(around, facing, *level, config)

@@ -19,9 +19,9 @@ from defects_of_files import EDITS
 from defects_of_rooms import CHANGES
 from pxr import Sdf, Usd
 
-from s2a.certify import contents, portability, static
+from s2a.certify import contents
 from s2a.certify.check_suite import CertifyConfig, certify
-from s2a.certify.contents import PART_RULES, ROOM_RULES
+from s2a.certify.contents import STRUCTURE
 from s2a.certify.scan_evidence import Evidence
 from s2a.commands.certify import Config
 from s2a.core import config
@@ -60,9 +60,8 @@ def seeded(source: Path, folder: Path, name: str, part: str) -> Path:
 def named_by(path: Path, part: str, settings: CertifyConfig, *, physics: bool = True) -> list[str]:
     """Return the checks that fail on a part of a stage; physics is asked only if no other does, and if it is asked at all."""
     held = contents.about(contents.read(path), part)
-    rules = [rule(held) for rule in (*static.ROOM_RULES, *portability.ROOM_RULES, *static.PART_RULES)]
-    rules += [rule(held, settings.shapes) for rule in (*ROOM_RULES, *PART_RULES)]
-    failed = [check.name for check in rules if check.status == "fail"]
+    checks = [*STRUCTURE.ask(held, settings.shapes, "room"), *STRUCTURE.ask(held, settings.shapes)]
+    failed = [check.name for check in checks if check.status == "fail"]
     if failed:
         return failed
     try:

@@ -129,13 +129,13 @@ def convert(
         InputError: no such file, an id that cannot move, or an `out` that is something else; nothing is written.
     """
     with errors.required():
-        from s2a.certify.convert import write
+        from s2a.certify import convert as converter
 
         settings = _load(
-            write.ConvertSettings, "convert", {"stage": stage, "out": out, "to": to, "parts": parts}, overrides
+            converter.ConvertSettings, "convert", {"stage": stage, "out": out, "to": to, "parts": parts}, overrides
         )
-        write.convert(settings)
-        return settings.out / write.WRITERS[settings.to].FILE
+        converter.convert(settings)
+        return settings.out / converter.WRITERS[settings.to].FILE
 
 
 def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ()) -> list[ValidationReport]:

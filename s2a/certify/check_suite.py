@@ -10,15 +10,13 @@ from pathlib import Path
 
 import mujoco
 
-from s2a.certify import contents, finger_gap, portability, static
-from s2a.certify import physics as physics_grip
+from s2a.certify import contents, grasp, static  # noqa: F401  (static registers its checks, the first ones)
 from s2a.certify.check import ValidationReport
-from s2a.certify.contents import Contents, ShapeConfig
-from s2a.certify.finger_gap import Gap, GapConfig
-from s2a.certify.physics import GripConfig, GripTest, MujocoWorld, PhysicsConfig
-from s2a.certify.physics_motion import MotionConfig, motion
+from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig
+from s2a.certify.grasp import Gap, GapConfig, GripConfig, GripTest
+from s2a.certify.physics import MOTION, MotionConfig, MujocoWorld, PhysicsConfig
+from s2a.certify.portability import FoundationConfig, foundation
 from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
-from s2a.certify.static import FoundationConfig
 from s2a.core.check import Check, Status, at_most
 from s2a.core.errors import InputError
 from s2a.core.provenance import provenance
@@ -49,10 +47,6 @@ class CertifyConfig:
     grip: GripConfig = GripConfig()
 
 
-HARMLESS = ("usd", "collider_count", "grasp_site", *(rule.__name__ for rule in portability.ROOM_RULES))
-"""Rules that a stage may break and still be simulated; any other would make physics tell of another stage."""
-
-
 def certify(
     path: Path, config: CertifyConfig, part: str | None = None, robot: str | None = None
 ) -> list[ValidationReport]:
@@ -69,10 +63,9 @@ def certify(
     """
     start = time.perf_counter()
     held = contents.read(path, part)
-    room = [rule(held) for rule in (*static.ROOM_RULES, *portability.ROOM_RULES)]
-    room += [rule(held, config.shapes) for rule in contents.ROOM_RULES]
+    room = STRUCTURE.ask(held, config.shapes, "room")
     evidence = _evidence(path)
-    foundation_checks = static.foundation(path, config.foundation)
+    foundation_checks = foundation(path, config.foundation)
     seconds, found = time.perf_counter() - start, []
     for one in [held.part] if part else contents.parts(held) or [""]:
         begun = time.perf_counter()
@@ -101,9 +94,9 @@ def _part(
     evidence: Evidence | Check,
 ) -> tuple[list[Check], bool | None]:
     """Return the checks of one part, those of the room first, and whether a gripper can hold it."""
-    own = [rule(held) for rule in static.PART_RULES] + [rule(held, config.shapes) for rule in contents.PART_RULES]
-    broken = [check.name for check in (*room, *own) if check.status != "pass" and check.name not in HARMLESS]
-    checks, graspable = [*room, *own], None
+    checks, graspable = [*room, *STRUCTURE.ask(held, config.shapes)], None
+    needed = STRUCTURE.needed("physics", "images")
+    broken = [check.name for check in checks if check.status != "pass" and check.name in needed]
     if broken:
         text = f"failed checks would make the simulation meaningless: {', '.join(broken)}"
         return [*checks, Check("physics", "skipped", message=text)], None
@@ -131,8 +124,11 @@ def _physics(
     except (ValueError, RuntimeError, mujoco.FatalError, InputError) as error:
         text = " ".join(str(error).split())[:300]
         return [Check("newton_import", "fail", prim="/scene", message=text, remedy="see Newton's error")], None
-    room, attempt = finger_gap.gap(path, held, world.robot.gripper), physics_grip.grip(world, config.grip)
-    return [*motion(world, config.motion), *_fingers(world.stage.target, room, attempt, config, seen)], attempt.holds
+    room, attempt = grasp.gap(path, held, world.robot.gripper), grasp.grip(world, config.grip)
+    return [
+        *MOTION.ask(world, config.motion),
+        *_fingers(world.stage.target, room, attempt, config, seen),
+    ], attempt.holds
 
 
 def _fingers(target: str, room: Gap, attempt: GripTest, config: CertifyConfig, seen: list[Check]) -> list[Check]:

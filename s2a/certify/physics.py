@@ -1,8 +1,7 @@
-"""One Newton model of a sim.usd with a gripper parked out of reach, and MuJoCo's own view of it."""
+"""A sim.usd under physics: one Newton model with a gripper parked out of reach, and the checks of the part that moves."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,15 +10,16 @@ import mujoco
 import newton
 import numpy as np
 import warp as wp
-from scipy.spatial.transform import Rotation
 
 from s2a import robot as robots
-from s2a.core.bounds import Count, NotNegative, Numbers, Positive
+from s2a.certify.check import Suite
+from s2a.core.bounds import Count, NotNegative, Positive
+from s2a.core.check import Check, at_most
 from s2a.core.outputs import temporary_folder
-from s2a.motion.trajectory import STRAIGHT_APPROACH
 from s2a.robot.model import add_gripper
 from s2a.scene.articulation import opening_sign, pose_at
 from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN
 from s2a.sim.room import owner
 from s2a.sim.world import JointConfig, build_world, read_stage
 
@@ -180,165 +180,227 @@ class MujocoWorld:
         return opening_sign(self.stage.joint)
 
 
-PRESS_FORCE = 1.0
-"""[N] Force with which a finger counts as pressing."""
+FIX = "correct the colliders or the annotated axis and range, then " + PREPARE_AGAIN
+GAIN = 200.0
+"""[N s/m] How hard the sweep corrects its speed; its force is bounded, so that this is of no consequence."""
+INTEGRAL = 2000.0
+"""[N/m] How fast the sweep's force grows while it is too slow: by 20 N/s at the 1 cm/s with which it ends. Without this, dry
+friction stops it where GAIN times the speed that is left no longer overcomes it: 6 N, 10 mm before the limit."""
+SLACK = 0.002
+"""[m] How near to a limit the sweep has to come: limits are soft."""
 
 
-@dataclass(frozen=True)
-class GripConfig:
-    """Settings of the grasp-hold test.
-
-    Attributes:
-        approach: length of the straight approach [m].
-        depths: how far the point between the pads goes past the grasp point [m]; the first that holds counts.
-        margins: clearance on either side of the region's thin section to which the fingers open before the approach [m],
-            besides fully open.
-        max_penetration: of the open gripper on its approach [m].
-        opened: how far the part is open meanwhile, as displacement of the grasp point [m]; at most half of its range.
-        force: of each finger [N]. The Franka Hand holds with up to 70 N.
-        damping: of each finger [N s/m].
-        gear: how stiffly the closed fingers resist moving to one side together [N/m].
-        close_time: to close [s].
-        pull: along the joint, towards its closed end, while the gripper stands still [N].
-        pull_time: how long [s].
-        slip: how far the part may move meanwhile [m].
-        dt: time step [s]; short, because at the steps of training MuJoCo's soft friction creeps by millimetres.
-    """
-
-    approach: Positive = STRAIGHT_APPROACH
-    depths: Numbers = (0.0, 0.005, -0.005)
-    margins: tuple[float, ...] = (0.012,)
-    max_penetration: NotNegative = 0.001
-    opened: NotNegative = 0.05
-    force: Positive = 30.0
-    damping: NotNegative = 100.0
-    gear: NotNegative = 20000.0
-    close_time: Positive = 0.6
-    pull: NotNegative = 20.0
-    pull_time: Positive = 1.0
-    slip: NotNegative = 0.002
-    dt: Positive = 0.001
-
-
-@dataclass(frozen=True)
-class GripTest:
-    """Result of one attempt.
+@dataclass(frozen=True, kw_only=True)
+class MotionConfig:
+    """Bounds of the checks without a gripper.
 
     Attributes:
-        holds: The gripper reached the grasp, both fingers press, and the part did not slip.
-        message: description of the attempt.
-        slip: how far the part moved under the pull [m]; None without a pull.
-        prim: path of the collider in collision, or of the region.
+        rest_time: for how long nothing may move [s].
+        rest_displacement: max displacement of any body then [m].
+        open_time: for how long the part may not open by itself [s].
+        open: how far its grasp point may have moved then [m].
+        force: at the grasp point, with which the joint is swept, besides what carries its weight [N]. What a finger
+            pulls a kitchen drawer with.
+        weight_fraction: the same as a fraction of the weight of what moves, where that is more. Rollers resist with 2
+            to 3 % of the weight they carry: 60 kg take a hand, not a finger.
+        speed: of the grasp point during the sweep [m/s].
+        poses: coordinates along the travel at which penetration is measured.
+        penetration: of colliders that no joint connects [m].
     """
 
-    holds: bool
-    message: str
-    slip: float | None
-    prim: str
+    rest_time: Positive
+    rest_displacement: NotNegative = 0.001
+    open_time: Positive
+    open: NotNegative = 0.001
+    force: Positive = 10.0
+    weight_fraction: NotNegative = 0.05
+    speed: Positive = 0.25
+    poses: Count
+    penetration: NotNegative = 0.001
 
 
-def grip(world: MujocoWorld, config: GripConfig) -> GripTest:
-    """Try the depths and finger openings in turn; return the first attempt that holds, else the one that came farthest."""
-    # What turns about the grasp point itself opens without displacement: there half of the range counts alone.
-    travel = config.opened / world.lever_arm if world.lever_arm > 0.0 else math.inf
-    q = world.sign * min(travel, 0.5 * max(map(abs, world.stage.joint.limits)))
-    thin = 0.5 * float(world.stage.grasp_size[1])
-    widest = world.robot.gripper.finger_joint_open
-    finger_openings = [widest, *(min(widest, thin + margin) for margin in config.margins)]
-    if world.stage.internal:  # the fingers go into the pocket closed
-        finger_openings = [0.0]
-    attempts = []
-    for depth in config.depths:
-        attempt = _first_approach(world, q, depth, finger_openings, config)
-        attempts.append(attempt)
-        if attempt.holds:
-            return attempt
-    return max(attempts, key=lambda attempt: attempt.slip is not None)
+MOTION: Suite[MujocoWorld, MotionConfig] = Suite()
+"""Checks of the moving part without a gripper."""
 
 
-def _first_approach(
-    world: MujocoWorld, q: float, depth: float, finger_openings: list[float], config: GripConfig
-) -> GripTest:
-    """Return the attempt with the widest opening with which the gripper reaches a depth."""
-    blocked = []
-    for opening in finger_openings:
-        # In the closed pose, where the furniture is nearest, and where the part stands open for the pull.
-        collisions = [_obstacle(world, at, depth, opening, config) for at in (0.0, q)]
-        if not any(collisions):
-            return _hold(world, q, depth, opening, config)
-        blocked.append(next(found for found in collisions if found))
-    prim, into = min(blocked, key=lambda found: found[1])
-    return GripTest(False, f"the open gripper penetrates {prim} by {1000 * into:.1f} mm on its approach", None, prim)
+@MOTION.check()
+def rest(world: MujocoWorld, config: MotionConfig) -> list[Check]:
+    """Watch the stage under gravity, stepped by Newton: does it stay at rest, and does it open by itself?"""
+    model, solver = world.model, world.solver
+    state, other, control = model.state(), model.state(), model.control()
+    newton.eval_fk(model, model.joint_q, model.joint_qd, state)
+    names = [label.split("/")[-1] for label in model.body_label]
+    own = [i for i, label in enumerate(model.body_label) if label.startswith("/scene/")]  # all but the gripper
+    start, moved = state.body_q.numpy()[own], np.zeros(len(own))
+    # Of each body its centre, and of the target (its frame is the scene's) also where it is held.
+    centers = model.body_com.numpy()[own]
+    held = [world.stage.grasp[:3] if names[i] == world.stage.target else c for i, c in zip(own, centers, strict=True)]
+    points = np.stack([centers, np.array(held)], axis=1)
+    for step in range(round(config.open_time / world.dt)):
+        solver.step(state, other, control, None, world.dt)
+        state, other = other, state
+        if (step + 1) % 12 == 0 and (step + 1) * world.dt <= config.rest_time + 1e-9:
+            moved = np.fmax(moved, displacements(start, state.body_q.numpy()[own], points))
+    coordinate = float(state.joint_q.numpy()[world.joint]) * world.lever_arm
+    moved = np.where(np.isfinite(state.body_q.numpy()[own]).all(axis=1), moved, np.nan)
+    worst = int(np.argmax(np.where(np.isnan(moved), np.inf, moved)))
+    joint = f"/scene/joints/{world.stage.target}"
+    return [
+        at_most(
+            "rest_displacement", float(moved[worst]), config.rest_displacement, "m", prim=f"/scene/{names[own[worst]]}",
+            message=f"max displacement of a body within {config.rest_time:g} s, no robot", remedy=FIX,
+        ),
+        at_most(
+            "self_opening", abs(coordinate), config.open, "m", prim=joint,
+            message=f"displacement of the grasp point after {config.open_time:g} s under gravity alone",
+            remedy="level the annotated axis, or give the joint dry friction (prepare.friction)",
+        ),
+    ]  # fmt: skip
 
 
-def _obstacle(
-    world: MujocoWorld, q: float, depth: float, opening: float, config: GripConfig
-) -> tuple[str, float] | None:
-    """Return the deepest collision of the open gripper on its straight approach, path and depth [m]; None without."""
-    gripper = world.geoms(world.robot.gripper.body, *world.robot.gripper.links)
-    obstacles = world.geoms(world.stage.target, world.carrier, "static")
-    data = world.data(q, opening)
-    worst, prim = config.max_penetration, ""
-    for short in np.linspace(config.approach, 0.0, 11):
-        world.place_gripper(data, _gripper_pose(world, q, depth - short))
-        into, _, other = world.deepest(data, gripper, obstacles)
-        if into > worst:
-            worst, prim = into, world.labels[other]
-    return (prim, worst) if prim else None
+@MOTION.check()
+def joint_sweep(world: MujocoWorld, config: MotionConfig) -> Check:
+    """Push the part to its far limit and back to the near one, with a small force besides what carries its weight.
 
-
-def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: GripConfig) -> GripTest:
-    """Close the fingers on the part, or spread them within it, pull it, and measure its slip.
-
-    Its weight is carried until the gripper has closed, since a lid would fall shut before; then the gripper carries it, and
-    the pull. Each finger closes by itself, as a compliant arm lets them; then they are geared to each other, as the gripper's
-    are, and it stands still: equal forces alone would follow a load from one finger to the other.
+    What a lid weighs is no jam; the force at the grasp point that carries it is part of the message.
     """
-    stage, joint, fingers, dofs = world.stage, world.joint, world.fingers, world.finger_dofs
-    data = world.data(q, opening)
-    world.mj.opt.timestep, world.mj.dof_damping[dofs] = config.dt, config.damping
-    world.place_gripper(data, _gripper_pose(world, q, depth))
-    pull, towards = -world.sign * config.pull * world.lever_arm, 1.0 if stage.internal else -1.0
-
-    mujoco.mj_forward(world.mj, data)
-
-    def run(seconds: float, torque: float, gear: float = 0.0, carried: bool = False) -> None:
-        closed = data.qpos[fingers].copy()
-        for _ in range(round(seconds / config.dt)):
-            moved = data.qpos[fingers] - closed
-            data.qfrc_applied[dofs] = towards * config.force - gear * (moved - moved.mean())
-            data.qfrc_applied[world.dof] = torque + carried * data.qfrc_bias[world.dof]
-            mujoco.mj_step(world.mj, data)
-
-    region = f"/scene/{stage.target}/region"
-    grips = "opens" if stage.internal else "closes"
-    run(config.close_time, 0.0, carried=True)
-    pressing = [_presses(world, data, finger) for finger in world.robot.gripper.links]
-    if not all(pressing):
-        missing = "neither finger presses" if not any(pressing) else "only one finger presses"
-        return GripTest(
-            False, f"the gripper {grips} to {1000 * data.qpos[fingers].sum():.0f} mm, but {missing}", None, region
-        )
-    before, width = float(data.qpos[joint]), float(data.qpos[fingers].sum())
-    run(config.pull_time, pull, config.gear)
-    slip = abs(float(data.qpos[joint]) - before) * world.lever_arm
-    word = f"{1000 * width:.0f} mm between the fingers; {config.pull:g} N for {config.pull_time:g} s move it {1000 * slip:.1f} mm"
-    return GripTest(bool(slip <= config.slip), word, slip, region)
+    data, lever_arm, limits = world.data(), world.lever_arm, world.stage.joint.limits
+    world.mj.opt.timestep, joint = world.dt, f"/scene/joints/{world.stage.target}"
+    far, near = (limits[1], limits[0]) if world.sign > 0 else limits
+    reached, blocks, weights = [], [], []
+    for goal in (far, near):
+        end, weight = _push(world, data, goal, config)
+        reached.append(abs(goal - end) * lever_arm)
+        blocks.append(_touched(world, data))
+        weights.append(weight)
+    worst = int(np.argmax(reached))
+    message = (
+        f"short of its {('open', 'closed')[worst]} limit when pushed with {_force(world, config):.3g} N at the grasp"
+    )
+    message += f" besides the {max(weights):.1f} N or less that carry its weight" if max(weights) > 0.1 else ""
+    stopped = reached[worst] > SLACK and blocks[worst]
+    return at_most(
+        "joint_sweep", float(reached[worst]), SLACK, "m", prim=blocks[worst] if stopped else joint,
+        message=f"{message}: blocked by {blocks[worst]}" if stopped else message,
+        remedy="correct the colliders that block it, or lower the joint's dry friction",
+    )  # fmt: skip
 
 
-def _presses(world: MujocoWorld, data: mujoco.MjData, finger: str) -> bool:
-    """Return whether a finger presses on the target."""
-    one, other = set(world.geoms(finger)), set(world.geoms(world.stage.target))
-    total, force = 0.0, np.zeros(6)
+@MOTION.check()
+def rest_penetration(world: MujocoWorld, config: MotionConfig) -> Check:
+    """The moving part's colliders are not in the room's, as scanned."""
+    return penetration(world, "rest_penetration", np.zeros(1), config)
+
+
+@MOTION.check()
+def sweep_penetration(world: MujocoWorld, config: MotionConfig) -> Check:
+    """The moving part's colliders meet none of the room's along its travel."""
+    return penetration(world, "sweep_penetration", np.linspace(*world.stage.joint.limits, config.poses), config)
+
+
+def penetration(world: MujocoWorld, name: str, coordinates: np.ndarray, config: MotionConfig) -> Check:
+    """Measure how deep the moving part's colliders are in the room's, at some coordinates of the joint."""
+    stage = world.stage
+    moving, room = world.geoms(stage.target), world.obstacles()
+    found = [(*world.deepest(world.data(float(q)), moving, room, 0.001), float(q)) for q in coordinates]
+    depth, a, b, q = max(found)
+    return at_most(
+        name, max(depth, 0.0), config.penetration, "m", prim=world.labels[a] if depth > 0 else f"/scene/{stage.target}",
+        message=f"in {world.labels[b]} at {q:.3f}" if depth > 0 else "no collision with the room", remedy=FIX,
+    )  # fmt: skip
+
+
+@MOTION.check()
+def cabinet_overlap(world: MujocoWorld, config: MotionConfig) -> Check:
+    """Report how deep the moving part is in its cabinet: a joint connects the two, so that simulators let them overlap."""
+    stage = world.stage
+    moving, still = world.geoms(stage.target), world.geoms(world.carrier)
+    found = [world.deepest(world.data(float(q)), moving, still, 0.001) for q in np.linspace(*stage.joint.limits, 9)]
+    depth, a, _ = max(found)
+    path = world.labels[a] if depth > 0 else f"/scene/{stage.target}"
+    return Check("cabinet_overlap", "info", max(depth, 0.0), None, "m", path, f"deepest in {world.carrier}; filtered")
+
+
+@MOTION.check()
+def mujoco_reload(world: MujocoWorld, config: MotionConfig) -> Check:
+    """Compile the model again from its own XML with MuJoCo alone, and compare what moves, its limits and its mass."""
+    problems = []
+    again = mujoco.MjModel.from_xml_string(world.xml)
+    joint = int(world.mj.dof_jntid[world.dof])
+    if again.nv != world.model.joint_dof_count:
+        problems.append(f"{again.nv} degrees of freedom, not {world.model.joint_dof_count}")
+    elif np.abs(again.jnt_range[joint] - world.stage.joint.limits).max() > 1e-5:
+        problems.append(f"limits {again.jnt_range[joint].tolist()}, not {list(world.stage.joint.limits)}")
+    mass = world.model.body_mass.numpy().sum()
+    if abs(again.body_mass.sum() - mass) > 1e-3 * mass:
+        problems.append(f"{again.body_mass.sum():.3f} kg in all, not {mass:.3f}")
+    data = mujoco.MjData(again)
+    for _ in range(100):
+        mujoco.mj_step(again, data)
+    if not np.isfinite(data.qpos).all():
+        problems.append("coordinates that are not finite after 100 steps")
+    path, count = f"/scene/joints/{world.stage.target}", float(len(problems))
+    message = "; ".join(problems) or f"MuJoCo {mujoco.__version__} alone has the same joint, limits and mass"
+    return at_most("mujoco_reload", count, 0.0, "problems", prim=path, message=message, remedy=FIX)
+
+
+def _push(world: MujocoWorld, data: mujoco.MjData, goal: float, config: MotionConfig) -> tuple[float, float]:
+    """Drive the joint towards a coordinate at an even speed with a bounded force besides the one that carries its weight.
+
+    Returns:
+        Where it ends [m] or [rad], and the largest force at the grasp point [N] that carries its weight.
+    """
+    lever_arm, model, heaviest = world.lever_arm, world.mj, 0.0
+    mujoco.mj_forward(model, data)
+    travel = abs(goal - data.qpos[world.joint]) * lever_arm
+    direction, bound, held = np.sign(goal - data.qpos[world.joint]), _force(world, config), 0.0
+    for _ in range(round((2.0 * travel / config.speed + 2.0) / world.dt)):
+        speed = data.qvel[world.dof] * lever_arm * direction
+        left = abs(goal - data.qpos[world.joint]) * lever_arm
+        # Slower towards the end: the check is whether the limit is reached, not how hard it is hit.
+        error = min(config.speed, 2.0 * left + 0.01) - speed
+        if abs(GAIN * error + held) < bound:  # else it would grow beyond what is applied, and overshoot
+            held = float(np.clip(held + INTEGRAL * error * world.dt, -bound, bound))
+        force = np.clip(GAIN * error + held, -bound, bound)
+        weight = float(data.qfrc_bias[world.dof])
+        data.qfrc_applied[world.dof] = direction * force * lever_arm + weight
+        heaviest = max(heaviest, abs(weight) / lever_arm if lever_arm > 0.0 else 0.0)
+        mujoco.mj_step(model, data)
+        if left < 0.2 * SLACK:
+            break
+    return float(data.qpos[world.joint]), heaviest
+
+
+def _force(world: MujocoWorld, config: MotionConfig) -> float:
+    """Return the force of the sweep at the grasp point [N]: more than a finger's for what is heavy, as it is in use."""
+    body = int(world.mj.dof_bodyid[world.dof])
+    weight = float(world.mj.body_subtreemass[body] * np.linalg.norm(world.mj.opt.gravity))
+    return max(config.force, config.weight_fraction * weight)
+
+
+def _touched(world: MujocoWorld, data: mujoco.MjData) -> str:
+    """Return the path of the collider that presses hardest on the target; empty if none does."""
+    own, force, found = set(world.geoms(world.stage.target)), np.zeros(6), [(0.0, "")]
     for i, contact in enumerate(data.contact):
-        if (contact.geom1 in one and contact.geom2 in other) or (contact.geom2 in one and contact.geom1 in other):
+        pair = (int(contact.geom1), int(contact.geom2))
+        if len(own & set(pair)) == 1:
             mujoco.mj_contactForce(world.mj, data, i, force)
-            total += force[0]
-    return total > PRESS_FORCE
+            found.append((float(force[0]), world.labels[next(geom for geom in pair if geom not in own)]))
+    return max(found)[1]
 
 
-def _gripper_pose(world: MujocoWorld, q: float, inwards: float) -> np.ndarray:
-    """Return the gripper body's pose, 7-vector, with the tool frame's origin `inwards` [m] past the grasp point."""
-    grasp = world.grasp_pose(q)
-    offset = np.array([0.0, 0.0, inwards]) - world.robot.tool_offset
-    return np.concatenate([grasp[:3] + Rotation.from_quat(grasp[3:]).apply(offset), grasp[3:]])
+def displacements(start: np.ndarray, now: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return how far bodies moved [m], shape [body].
+
+    Args:
+        start: their poses, shape [body 7].
+        now: the same, later.
+        points: of each, in its own frame [m], shape [body point 3].
+    """
+
+    def carried(poses: np.ndarray) -> np.ndarray:
+        axis, w = poses[:, None, 3:6], poses[:, None, 6:]
+        turned = points + 2.0 * np.cross(axis, np.cross(axis, points) + w * points)
+        return turned + poses[:, None, :3]
+
+    return np.linalg.norm(carried(now) - carried(start), axis=2).max(axis=1)

@@ -1,15 +1,21 @@
-"""Portability of a sim.usd: its physics as another simulator reads it."""
+"""Portability of a sim.usd: its physics as another simulator reads it, and NVIDIA's SimReady rules."""
 
 from __future__ import annotations
 
+import functools
+import importlib.util
+import logging
 import math
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
-from s2a.certify.contents import Contents, ends, points
+from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig, ends, points
 from s2a.core.check import Check, no_problems
 from s2a.core.errors import InputError
 from s2a.scene.articulation import open_limit
@@ -27,7 +33,8 @@ DRY_FRICTION = 30.0
 NO_LIMIT = 1e30
 
 
-def gravity(contents: Contents) -> Check:
+@STRUCTURE.check("room", needed_for="nothing")
+def gravity(contents: Contents, config: ShapeConfig) -> Check:
     """Gravity is the Earth's."""
     problems = []
     for prim in contents.stage.Traverse():
@@ -39,7 +46,8 @@ def gravity(contents: Contents) -> Check:
     return no_problems("gravity", problems, PREPARE_AGAIN, "9.81 m/s^2")
 
 
-def at_rest(contents: Contents) -> Check:
+@STRUCTURE.check("room", needed_for="nothing")
+def at_rest(contents: Contents, config: ShapeConfig) -> Check:
     """Bodies and joints begin at rest, at the scanned pose."""
     problems = []
     for body in contents.bodies:
@@ -55,7 +63,8 @@ def at_rest(contents: Contents) -> Check:
     return no_problems("at_rest", problems, "remove the initial velocities; " + PREPARE_AGAIN)
 
 
-def passive_joints(contents: Contents) -> Check:
+@STRUCTURE.check("room", needed_for="nothing")
+def passive_joints(contents: Contents, config: ShapeConfig) -> Check:
     """Nothing drives a joint of furniture, and nothing breaks or leaves it."""
     problems = []
     for joint in contents.joints:
@@ -77,7 +86,8 @@ def passive_joints(contents: Contents) -> Check:
     return no_problems("passive_joints", problems, "remove drives and break forces; " + PREPARE_AGAIN)
 
 
-def collision_filters(contents: Contents) -> Check:
+@STRUCTURE.check("room", needed_for="nothing")
+def collision_filters(contents: Contents, config: ShapeConfig) -> Check:
     """Nothing is kept from colliding but what prepare filters: bodies whose colliders overlap on the path of one of them."""
     problems = []
     bodies = {body.GetPath() for body in contents.bodies}
@@ -98,7 +108,8 @@ def collision_filters(contents: Contents) -> Check:
     return no_problems("collision_filters", problems, "remove groups and filters; " + PREPARE_AGAIN)
 
 
-def contact_material(contents: Contents) -> Check:
+@STRUCTURE.check("room", needed_for="nothing")
+def contact_material(contents: Contents, config: ShapeConfig) -> Check:
     """Every collider has a physics material with the friction of household things, and does not bounce."""
     problems = []
     for prim in contents.colliders:
@@ -119,7 +130,8 @@ def contact_material(contents: Contents) -> Check:
     return no_problems("contact_material", problems, "bind a physics material to every collider; " + PREPARE_AGAIN)
 
 
-def mass_distribution(contents: Contents) -> Check:
+@STRUCTURE.check("room", needed_for="nothing")
+def mass_distribution(contents: Contents, config: ShapeConfig) -> Check:
     """Mass, centre and inertia of all that moves are of a body of this size; of what is fixed to the world they do nothing."""
     problems = []
     held = {path for j in contents.joints if j.IsA(UsdPhysics.FixedJoint) and not ends(j)[0] for path in ends(j)[1]}
@@ -147,12 +159,6 @@ def mass_distribution(contents: Contents) -> Check:
                 (path, f"its radius of gyration is {gyration:.2g} m, half its diagonal {np.linalg.norm(size) / 2:.2g}")
             )
     return no_problems("mass_distribution", problems, "let prepare estimate mass and inertia; " + PREPARE_AGAIN)
-
-
-ROOM_RULES: tuple[Callable[[Contents], Check], ...] = (
-    gravity, at_rest, passive_joints, collision_filters, contact_material, mass_distribution,
-)  # fmt: skip
-"""Rules about what another simulator would read, of the whole room."""
 
 
 def _explained(body: str, notes: str) -> bool:
@@ -184,3 +190,73 @@ def _bounds(contents: Contents, body: Usd.Prim) -> tuple[np.ndarray, np.ndarray]
         return np.full(3, np.nan), np.full(3, np.nan)
     whole = np.concatenate(found)
     return whole.min(axis=0), whole.max(axis=0)
+
+
+INSTALL = "pip install 's2a[simready]'"
+
+
+@dataclass(frozen=True)
+class FoundationConfig:
+    """What is asked of SimReady.
+
+    Attributes:
+        profile: whose features are asked.
+        version: of the profile.
+        required: features that must pass; the others of the profile are reported.
+    """
+
+    profile: str = "Robotics-Prop"
+    version: str = "4.0.0"
+    required: tuple[str, ...] = ("FET_003_STANDARD", "FET_003_NEWTON", "FET_004_STANDARD", "FET_004_NEWTON")
+
+
+def foundation(path: Path, config: FoundationConfig) -> list[Check]:
+    """Return one check a feature of the profile; a single one that was not run where the validator is not installed."""
+    if importlib.util.find_spec("simready") is None:
+        text = "the package simready-validate is not installed"
+        return [Check("simready", "skipped", message=text, remedy=INSTALL)]
+    with _silent():
+        validate = _validator()
+        asked = validate.AssetValidationConfig(str(path), config.profile, config.version)
+        result = validate.validate_asset(asked)
+    if result is None:
+        text = f"no profile {config.profile} {config.version} in the installed simready-foundation-tier-core"
+        return [Check("simready", "skipped", message=text, remedy=INSTALL)]
+    issues = [*result.issues, *result.soft_issues]
+    features = sorted(result.features_summary.items(), key=lambda item: (item[0] not in config.required, item[0]))
+    return [_check(name, summary, issues, name in config.required) for name, summary in features]
+
+
+@functools.cache
+def _validator() -> Any:
+    """Import the validator and load the installed rules, which takes seconds."""
+    import simready.validate as validate
+
+    validate.initialize(rules_and_requirements_paths=[], features_paths=[], profiles_paths=[])
+    return validate
+
+
+def _check(name: str, summary: dict[str, Any], issues: list[Any], required: bool) -> Check:
+    """Return the check of one feature; it names the broken rules and the first prim that breaks one."""
+    title = f"simready:{name}"
+    if summary["passed"]:
+        return Check(title, "pass" if required else "info", 0.0, 0.0, "rules", message="passed")
+    broken = f"{summary.get('failing requirements', '')}{summary.get('optional requirements', '')}"
+    own = [issue for issue in issues if issue.requirement and f"'{issue.requirement.code}'" in broken]
+    codes = sorted({str(issue.requirement.code).removeprefix("com.nvidia.") for issue in own})
+    first = " ".join(str(own[0].message).split())[:200] if own else broken
+    prim = str(getattr(own[0].at, "path", "")) if own else ""
+    message = f"not passed: {', '.join(codes)}: {first}"
+    remedy = "see the rule in NVIDIA's SimReady Foundation" if required else ""
+    return Check(title, "fail" if required else "info", float(len(codes)), 0.0, "rules", prim, message, remedy)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep the validator's log, which repeats what it returns, off the terminal."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
+from s2a.certify.check import Suite
 from s2a.core.bounds import Fraction, Positive
 from s2a.core.check import Check, Status, at_most, no_problems
 from s2a.robot.spec import RobotSpec
@@ -23,7 +24,7 @@ from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals, sample,
 from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 from s2a.scene.usd import sim_stage
-from s2a.scene.usd.sim_scene import PREPARE_AGAIN, Base, Grasp, SimRoom, in_scene
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN, Articulation, Base, Grasp, SimRoom, in_scene
 from s2a.scene.usd.stage import ROOT
 
 ROUND = 1.5
@@ -360,34 +361,91 @@ class Evidence:
     def __init__(self, path: Path) -> None:
         """Read a stage whose structure is sound, with its visuals; InputError for any other."""
         self.room = sim_stage.read(path)
-        self._surface = ScanSurface(as_scene(self.room))
+        self.surface = ScanSurface(as_scene(self.room))
         self._whole: dict[Bounds, list[Check]] = {}
 
     def checks(self, part: str, config: EvidenceConfig, only: str | None = None) -> list[Check]:
         """Return all checks of an articulated part against the scanned surface; `only` names the one robot that is asked for."""
-        findings = [*self._of_room(config.joints), *moving_part(self._surface, part, self._fronts[part], config.joints)]
-        articulation, path = self.room.articulations[part], f"{ROOT}/{part}"
-        robots = {only} if only in articulation.bases else set(articulation.bases)
-        widest = max(robot.load(name).gripper.max_opening for name in robots)
-        checks = [_of_stage(check) for check in findings if check.status != "skipped" and check.name != OWN]
-        checks += collider_fidelity(self.room, part, config.fidelity)
-        checks += grasp_frame(path, articulation.grasp, scanned(self.room, part), config.joints.grasp_gap, widest)
-        point = np.array(articulation.grasp.point)
-        for name in sorted(robots):
-            base, spec = articulation.bases[name], robot.load(name)
-            checks += robot_base(f"{path}/bases/{name}", base, point, self._surface.tree, spec, config.base)
-        return checks
+        return EVIDENCE.ask(PartEvidence(self, part, only), config)
 
     @cached_property
-    def _fronts(self) -> dict[str, Front | None]:
+    def fronts(self) -> dict[str, Front | None]:
         """The fronts of all articulated parts by id."""
-        return {part: front(self._surface, part) for part in self.room.articulations}
+        return {part: front(self.surface, part) for part in self.room.articulations}
 
-    def _of_room(self, bounds: Bounds) -> list[Check]:
+    def of_room(self, bounds: Bounds) -> list[Check]:
         """Return what the surface says about the whole room, asked once for all its parts."""
         if bounds not in self._whole:
-            self._whole[bounds] = room_checks(self._surface, self._fronts, bounds)
+            self._whole[bounds] = room_checks(self.surface, self.fronts, bounds)
         return self._whole[bounds]
+
+
+@dataclass(frozen=True)
+class PartEvidence:
+    """The scanned surface about one articulated part.
+
+    Attributes:
+        whole: of the room.
+        part: id of the part.
+        only: name of the one robot that is asked for, if the part was prepared for it; None: all of them.
+    """
+
+    whole: Evidence
+    part: str
+    only: str | None = None
+
+    @property
+    def path(self) -> str:
+        """Path of the part's prim."""
+        return f"{ROOT}/{self.part}"
+
+    @property
+    def articulation(self) -> Articulation:
+        """How the part moves and is grasped."""
+        return self.whole.room.articulations[self.part]
+
+    @property
+    def robots(self) -> list[str]:
+        """Names of the robots that are asked for."""
+        bases = self.articulation.bases
+        return [self.only] if self.only in bases else sorted(bases)
+
+
+EVIDENCE: Suite[PartEvidence, EvidenceConfig] = Suite()
+"""Checks of a part against the scanned surface."""
+
+
+@EVIDENCE.check()
+def annotation(scanned_part: PartEvidence, config: EvidenceConfig) -> list[Check]:
+    """Return what the surface says about the room's frame and about the joint: the checks of `s2a check`."""
+    whole, part = scanned_part.whole, scanned_part.part
+    checks = [*whole.of_room(config.joints), *moving_part(whole.surface, part, whole.fronts[part], config.joints)]
+    return [_of_stage(check) for check in checks if check.status != "skipped" and check.name != OWN]
+
+
+@EVIDENCE.check()
+def colliders(scanned_part: PartEvidence, config: EvidenceConfig) -> list[Check]:
+    """Return the checks of colliders against the surface."""
+    return collider_fidelity(scanned_part.whole.room, scanned_part.part, config.fidelity)
+
+
+@EVIDENCE.check()
+def grasp(scanned_part: PartEvidence, config: EvidenceConfig) -> list[Check]:
+    """Return the checks of the grasp against the surface."""
+    surface = scanned(scanned_part.whole.room, scanned_part.part)
+    widest = max(robot.load(name).gripper.max_opening for name in scanned_part.robots)
+    return grasp_frame(scanned_part.path, scanned_part.articulation.grasp, surface, config.joints.grasp_gap, widest)
+
+
+@EVIDENCE.check()
+def bases(scanned_part: PartEvidence, config: EvidenceConfig) -> list[Check]:
+    """Return the checks of where robots stand."""
+    point, tree = np.array(scanned_part.articulation.grasp.point), scanned_part.whole.surface.tree
+    checks = []
+    for name in scanned_part.robots:
+        base, spec = scanned_part.articulation.bases[name], robot.load(name)
+        checks += robot_base(f"{scanned_part.path}/bases/{name}", base, point, tree, spec, config.base)
+    return checks
 
 
 def as_scene(room: SimRoom) -> Scene:

@@ -1,33 +1,32 @@
-"""Static rules for the prims of a sim.usd, independent of any simulator."""
+"""Static checks of a sim.usd: its units, bodies, joints, masses, colliders and grasps."""
 
 from __future__ import annotations
 
-import functools
-import importlib.util
-import logging
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
-from s2a.certify.contents import Contents, ends, fixed_carrier
+from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig, ends, faces, fixed_carrier, points
 from s2a.core.check import Check, at_most, no_problems
 from s2a.scene import scene
 from s2a.scene.usd.joints import KINDS
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
-from s2a.scene.usd.stage import ROOT, broken_rules
+from s2a.scene.usd.stage import ROOT, broken_rules, read_attribute
 
 EXACT = 1e-6
 """Largest difference of an exact value and its float32 copy [m or 1]."""
 NEAR_CENTER = 0.05  # [m] between a free body's frame and its centre of mass; at 5 m a stapler's motion becomes NaN
+DEEPEST = 0.03
+"""[m] How far the region of a recessed pull may lie behind its grasp site, which is where a tool frame is: behind fingertips."""
+OPEN = 0.02
+"""Fraction of its hull's volume that a collider may lack: more is a hole or a dent."""
 
 
-def units(contents: Contents) -> Check:
+@STRUCTURE.check("room", needed_for="images")
+def units(contents: Contents, config: ShapeConfig) -> Check:
     """Metres, kilograms, z up, gravity down."""
     stage, problems = contents.stage, []
     if UsdGeom.GetStageMetersPerUnit(stage) != 1.0:
@@ -43,7 +42,8 @@ def units(contents: Contents) -> Check:
     return no_problems("units", problems, "convert the stage to metres, kilograms and z up", "metres, kilograms, z up")
 
 
-def self_contained(contents: Contents) -> Check:
+@STRUCTURE.check("room", needed_for="images")
+def self_contained(contents: Contents, config: ShapeConfig) -> Check:
     """Nothing of the stage lies in another file, but the visuals in one beside it; nothing is instanced."""
     stage, problems = contents.stage, []
     for prim in stage.TraverseAll():
@@ -63,7 +63,8 @@ def self_contained(contents: Contents) -> Check:
     return no_problems("self_contained", problems, remedy, "one file and its visuals, nothing instanced")
 
 
-def target(contents: Contents) -> Check:
+@STRUCTURE.check(needed_for="images")
+def target(contents: Contents, config: ShapeConfig) -> Check:
     """The part that the joint is named after is a rigid body."""
     name, problems = contents.part, []
     if not name:
@@ -75,7 +76,8 @@ def target(contents: Contents) -> Check:
     return no_problems("target", problems, PREPARE_AGAIN, f"{name!r} moves", f"{ROOT}/{name}")
 
 
-def bodies(contents: Contents) -> Check:
+@STRUCTURE.check("room")
+def bodies(contents: Contents, config: ShapeConfig) -> Check:
     """Bodies are siblings; what hangs on a joint stands at the identity, what is free at its centre of mass."""
     problems = []
     moved = {path for joint in contents.joints for path in ends(joint)[1]}
@@ -98,7 +100,8 @@ def bodies(contents: Contents) -> Check:
     return no_problems("bodies", problems, PREPARE_AGAIN, f"{len(contents.bodies)} bodies, siblings, each in its frame")
 
 
-def root_joint(contents: Contents) -> Check:
+@STRUCTURE.check()
+def root_joint(contents: Contents, config: ShapeConfig) -> Check:
     """What carries the part is fixed to the world and is the root of the articulation."""
     problems = []
     roots = [prim for prim in contents.stage.Traverse() if prim.HasAPI(UsdPhysics.ArticulationRootAPI)]
@@ -117,7 +120,8 @@ def root_joint(contents: Contents) -> Check:
     )
 
 
-def target_joint(contents: Contents) -> Check:
+@STRUCTURE.check(needed_for="images")
+def target_joint(contents: Contents, config: ShapeConfig) -> Check:
     """One slide or hinge moves the target, between two bodies of the stage."""
     problems = []
     moving = [j for j in contents.joints if contents.target and contents.target.GetPath() in ends(j)[1]]
@@ -138,7 +142,8 @@ def target_joint(contents: Contents) -> Check:
     return no_problems("target_joint", problems, PREPARE_AGAIN, prim=_path(contents.joint))
 
 
-def joint_limits(contents: Contents) -> Check:
+@STRUCTURE.check()
+def joint_limits(contents: Contents, config: ShapeConfig) -> Check:
     """The exact limits are ordered, hold the scanned pose, are of a piece of furniture, and the physics limits agree."""
     name, joint = "joint_limits", contents.joint
     if joint is None or joint.GetTypeName() not in KINDS:
@@ -157,7 +162,8 @@ def joint_limits(contents: Contents) -> Check:
     return no_problems(name, [(path, text) for text in problems], remedy, f"{low:.3f} to {high:.3f}", path)
 
 
-def joint_frames(contents: Contents) -> Check:
+@STRUCTURE.check()
+def joint_frames(contents: Contents, config: ShapeConfig) -> Check:
     """The exact axis and origin agree with the physics frames in both bodies."""
     name, joint = "joint_frames", contents.joint
     if joint is None:
@@ -186,7 +192,8 @@ def joint_frames(contents: Contents) -> Check:
     )  # fmt: skip
 
 
-def mass(contents: Contents) -> Check:
+@STRUCTURE.check("room")
+def mass(contents: Contents, config: ShapeConfig) -> Check:
     """Masses and principal moments are positive and possible: no moment is larger than the other two together."""
     problems = []
     for body in contents.bodies:
@@ -204,18 +211,130 @@ def mass(contents: Contents) -> Check:
     return no_problems("mass", problems, "author mass, centre and inertia; " + PREPARE_AGAIN)
 
 
-def usd(contents: Contents) -> Check:
+@STRUCTURE.check("room", needed_for="nothing")
+def usd(contents: Contents, config: ShapeConfig) -> Check:
     """Everything that usd-core itself checks."""
     problems = [(_mentioned(line), line) for line in broken_rules(contents.stage)]
     return no_problems("usd", problems, "see the rule's name in OpenUSD's documentation", "all validators of usd-core")
 
 
-ROOM_RULES: tuple[Callable[[Contents], Check], ...] = (units, self_contained, bodies, mass, usd)
-"""Rules about the whole room."""
-PART_RULES: tuple[Callable[[Contents], Check], ...] = (
-    target, root_joint, target_joint, joint_limits, joint_frames,
-)  # fmt: skip
-"""Rules about one articulated part, in the order in which a defect is best understood."""
+@STRUCTURE.check("room", needed_for="images")
+def finite(contents: Contents, config: ShapeConfig) -> Check:
+    """Every coordinate of every surface is a number."""
+    bad = [(str(prim.GetPath()), int((~np.isfinite(points(prim))).any(axis=1).sum())) for prim in contents.meshes]
+    problems = [(path, f"{count} points are not finite") for path, count in bad if count]
+    return no_problems("finite", problems, "correct the scan's points and export it again", f"{len(bad)} surfaces")
+
+
+@STRUCTURE.check("room")
+def collision(contents: Contents, config: ShapeConfig) -> Check:
+    """Every mesh in a folder of colliders collides, as a convex hull, and names the part it approximates."""
+    problems = []
+    for prim in contents.colliders:
+        path, mesh = str(prim.GetPath()), UsdPhysics.MeshCollisionAPI(prim)
+        if not prim.HasAPI(UsdPhysics.CollisionAPI):
+            problems.append((path, "no PhysicsCollisionAPI: a simulator passes through it"))
+        elif UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is False:
+            problems.append((path, "its collision is switched off"))
+        approximation = mesh.GetApproximationAttr().Get() if prim.HasAPI(UsdPhysics.MeshCollisionAPI) else None
+        if approximation != UsdPhysics.Tokens.convexHull:
+            problems.append((path, f"its approximation is {approximation}, not convexHull"))
+        if not prim.GetAttribute("s2a:part").Get():
+            problems.append((path, "no s2a:part names the part it approximates"))
+    return no_problems("collision", problems, PREPARE_AGAIN, f"{len(contents.colliders)} colliders")
+
+
+@STRUCTURE.check("room")
+def convex(contents: Contents, config: ShapeConfig) -> Check:
+    """Every collider is a closed convex surface; MuJoCo would silently fill what is not."""
+    worst, where, message = 0.0, "", f"{len(contents.colliders)} colliders against their convex hulls"
+    for prim in contents.colliders:
+        depth = dent(points(prim), faces(prim))
+        if not depth <= worst:
+            worst, where = depth, str(prim.GetPath())
+    remedy = "decompose the collider into convex hulls; " + PREPARE_AGAIN
+    return at_most("convex", worst, config.dent, "m", prim=where, message=message, remedy=remedy)
+
+
+def dent(vertices: np.ndarray, triangles: np.ndarray) -> float:
+    """Return how far a surface's points and face centres reach into its convex hull [m]; inf if it is flat or not closed.
+
+    Args:
+        vertices: shape [vertex 3].
+        triangles: shape [face 3].
+    """
+    if len(triangles) < 4 or not np.isfinite(vertices).all():
+        return math.inf
+    try:
+        hull = ConvexHull(vertices)
+    except QhullError:
+        return math.inf
+    asked = np.concatenate([vertices, vertices[triangles].mean(axis=1)])
+    depth = -(asked @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+    a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
+    volume = abs(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6.0
+    return float(max(0.0, depth.max())) if volume > (1.0 - OPEN) * hull.volume else math.inf
+
+
+@STRUCTURE.check(needed_for="nothing")
+def collider_count(contents: Contents, config: ShapeConfig) -> Check:
+    """The part has colliders, and there are no more than a simulator handles by the thousand."""
+    room = contents.stage.GetPrimAtPath(f"{ROOT}/static")
+    own = len(contents.colliders_of(contents.target)) if contents.target else 0
+    problems = []
+    if not 1 <= own <= config.target_hulls:
+        text = f"{own} colliders on the part, possible: 1 to {config.target_hulls}"
+        problems.append((f"{ROOT}/{contents.part}", text))
+    around = len(contents.colliders_of(room)) if room else 0
+    return no_problems(
+        "collider_count",
+        problems,
+        PREPARE_AGAIN,
+        f"{own} on the part; {around} in the room, of which a world loads some",
+    )
+
+
+@STRUCTURE.check(needed_for="images")
+def grasp_and_base(contents: Contents, config: ShapeConfig) -> Check:
+    """The stage has a grasp site, a grasp region and a base pose for the target."""
+    name = "grasp_and_base"
+    if contents.target is None:
+        return Check(name, "skipped", message="requires check target")
+    grasp, region = (contents.target.GetChild(key) for key in ("grasp", "region"))
+    problems = []
+    if not grasp or not isinstance(grasp.GetAttribute("s2a:size").Get(), Gf.Vec3d):
+        problems.append((f"{contents.target.GetPath()}/grasp", "no grasp site with s2a:size, three doubles"))
+    if not region or not len(faces(region)):
+        problems.append((f"{contents.target.GetPath()}/region", "no annotated grasp region"))
+    bases = contents.target.GetChild("bases")
+    if not bases or not bases.GetChildren():
+        problems.append((str(contents.target.GetPath()), "no base pose"))
+    for base in bases.GetChildren() if bases else []:
+        ops = {op.GetOpName() for op in UsdGeom.Xformable(base).GetOrderedXformOps()}
+        if not {"xformOp:translate", "xformOp:orient"} <= ops:
+            problems.append((str(base.GetPath()), "the base pose lacks a translation or an orientation"))
+    return no_problems(name, problems, PREPARE_AGAIN, prim=f"{contents.target.GetPath()}/grasp")
+
+
+@STRUCTURE.check(needed_for="nothing")
+def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
+    """The grasp site is the mean of the annotated grasp region; of a recessed pull before its middle, seen along the approach."""
+    name = "grasp_site"
+    site, region = (contents.target and contents.target.GetChild(key) for key in ("grasp", "region"))
+    if not site or not region or not len(faces(region)):
+        return Check(name, "skipped", message="requires check grasp_and_base")
+    place = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractTranslation()
+    a, b, c = np.moveaxis(points(region)[faces(region)], 1, 0)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    away, limit = np.average((a + b + c) / 3.0, axis=0, weights=areas) - np.array(Gf.Vec3d(place)), config.site
+    if read_attribute(site, "internal", bool, False):
+        turn = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractRotationQuat()
+        away = Rotation.from_quat([*turn.GetImaginary(), turn.GetReal()]).inv().apply(away)
+        away, limit = away * ([1, 1, 0] if 0.0 <= away[2] <= DEEPEST else [1, 1, 1]), config.recess_site
+    return at_most(
+        name, float(np.linalg.norm(away)), limit, "m", prim=str(site.GetPath()),
+        message="from the middle of the grasp region", remedy="put the site where the region is; " + PREPARE_AGAIN,
+    )  # fmt: skip
 
 
 def _turns(joint: UsdPhysics.Joint) -> tuple[Gf.Quatf, Gf.Quatf]:
@@ -235,73 +354,3 @@ def _mentioned(line: str) -> str:
     """Return the path of the first prim that a validator's message names."""
     words = (word.strip("<>'\"(),.;:") for word in line.split())
     return next((word for word in words if word.startswith(ROOT)), ROOT)
-
-
-INSTALL = "pip install 's2a[simready]'"
-
-
-@dataclass(frozen=True)
-class FoundationConfig:
-    """What is asked of SimReady.
-
-    Attributes:
-        profile: whose features are asked.
-        version: of the profile.
-        required: features that must pass; the others of the profile are reported.
-    """
-
-    profile: str = "Robotics-Prop"
-    version: str = "4.0.0"
-    required: tuple[str, ...] = ("FET_003_STANDARD", "FET_003_NEWTON", "FET_004_STANDARD", "FET_004_NEWTON")
-
-
-def foundation(path: Path, config: FoundationConfig) -> list[Check]:
-    """Return one check a feature of the profile; a single one that was not run where the validator is not installed."""
-    if importlib.util.find_spec("simready") is None:
-        text = "the package simready-validate is not installed"
-        return [Check("simready", "skipped", message=text, remedy=INSTALL)]
-    with _silent():
-        validate = _validator()
-        asked = validate.AssetValidationConfig(str(path), config.profile, config.version)
-        result = validate.validate_asset(asked)
-    if result is None:
-        text = f"no profile {config.profile} {config.version} in the installed simready-foundation-tier-core"
-        return [Check("simready", "skipped", message=text, remedy=INSTALL)]
-    issues = [*result.issues, *result.soft_issues]
-    features = sorted(result.features_summary.items(), key=lambda item: (item[0] not in config.required, item[0]))
-    return [_check(name, summary, issues, name in config.required) for name, summary in features]
-
-
-@functools.cache
-def _validator() -> Any:
-    """Import the validator and load the installed rules, which takes seconds."""
-    import simready.validate as validate
-
-    validate.initialize(rules_and_requirements_paths=[], features_paths=[], profiles_paths=[])
-    return validate
-
-
-def _check(name: str, summary: dict[str, Any], issues: list[Any], required: bool) -> Check:
-    """Return the check of one feature; it names the broken rules and the first prim that breaks one."""
-    title = f"simready:{name}"
-    if summary["passed"]:
-        return Check(title, "pass" if required else "info", 0.0, 0.0, "rules", message="passed")
-    broken = f"{summary.get('failing requirements', '')}{summary.get('optional requirements', '')}"
-    own = [issue for issue in issues if issue.requirement and f"'{issue.requirement.code}'" in broken]
-    codes = sorted({str(issue.requirement.code).removeprefix("com.nvidia.") for issue in own})
-    first = " ".join(str(own[0].message).split())[:200] if own else broken
-    prim = str(getattr(own[0].at, "path", "")) if own else ""
-    message = f"not passed: {', '.join(codes)}: {first}"
-    remedy = "see the rule in NVIDIA's SimReady Foundation" if required else ""
-    return Check(title, "fail" if required else "info", float(len(codes)), 0.0, "rules", prim, message, remedy)
-
-
-@contextmanager
-def _silent() -> Iterator[None]:
-    """Keep the validator's log, which repeats what it returns, off the terminal."""
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        logging.disable(before)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from s2a.certify.convert import urdf
+from s2a.certify.convert import WRITERS, ConvertSettings, convert, urdf
 from s2a.certify.convert.links import LinkedRoom
-from s2a.certify.convert.write import WRITERS, ConvertSettings, convert
 
 Config = ConvertSettings
 

@@ -24,15 +24,15 @@ from seeded_defects import (
 )
 from settings import load
 
-from s2a.certify import contents, report, static
+from s2a.certify import contents, report
 from s2a.certify.check import ValidationReport
-from s2a.certify.check_suite import CertifyConfig
-from s2a.certify.contents import PART_RULES, ROOM_RULES
+from s2a.certify.check_suite import CertifyConfig, certify
+from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig
+from s2a.certify.portability import foundation
 from s2a.certify.report import images
-from s2a.certify.static import foundation
 from s2a.commands import cli
 from s2a.core import provenance
-from s2a.core.check import Check
+from s2a.core.check import Check, at_most
 from s2a.core.errors import InputError
 from s2a.scene.geometry.camera import OrbitCamera
 from s2a.scene.usd import sim_stage
@@ -48,8 +48,7 @@ def stage(tmp_path: Path) -> Path:
 def static_checks(path: Path) -> list[Check]:
     held = contents.read(path)
     bounds = load(CertifyConfig, "certify/default").shapes
-    surfaces = (*ROOM_RULES, *PART_RULES)
-    return [rule(held) for rule in (*static.ROOM_RULES, *static.PART_RULES)] + [rule(held, bounds) for rule in surfaces]
+    return [*STRUCTURE.ask(held, bounds, "room"), *STRUCTURE.ask(held, bounds)]
 
 
 def test_a_clean_stage_breaks_no_static_rule(stage: Path) -> None:
@@ -65,7 +64,21 @@ def test_a_static_defect_is_named_by_its_rule(defect: Callable[[Usd.Stage], None
     assert named.prim.startswith("/scene") and named.message and named.remedy
     # usd-core has rules of its own for some of these; without its target or joint, nothing of a stage holds together.
     entangled = {"target", "bodies", "root_joint", "target_joint", "collider_count", "grasp_site", "mass", "convex"}
+    entangled |= {"mass_distribution"}  # asked of the same masses
     assert set(failed) - {STATIC_DEFECTS[defect], "usd"} <= entangled
+
+
+def test_a_check_is_one_function(stage: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(STRUCTURE, "rules", list(STRUCTURE.rules))
+
+    @STRUCTURE.check("room")
+    def few_bodies(held: Contents, config: ShapeConfig) -> Check:
+        return at_most("few_bodies", len(held.bodies), 1, "bodies", remedy="remove some")
+
+    (result,) = certify(stage, load(CertifyConfig, "certify/default"))
+    (check,) = [check for check in result.checks if check.name == "few_bodies"]
+    assert check.status == "fail" and check.value == len(contents.read(stage).bodies) > 1
+    assert "few_bodies" in result.checks[-1].message and result.checks[-1].name == "physics", "it is needed for physics"
 
 
 def test_a_stage_of_another_kind_gets_no_certificate(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from seeded_defects import JOINT, STATIC_DEFECTS, TARGET, attribute, edit, nan_p
 from settings import load
 
 from s2a import robot
-from s2a.certify import contents, finger_gap, physics, physics_motion
+from s2a.certify import contents, grasp, physics
 from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.certify.physics import MujocoWorld
 from s2a.scene.scene import Mesh
@@ -74,7 +74,7 @@ MOTION = {clash: "rest_penetration", obstacle: "sweep_penetration", jam: "joint_
 @pytest.mark.parametrize("defect", MOTION, ids=lambda defect: defect.__name__)
 def test_a_defect_of_motion_is_named(defect: Callable[[Usd.Stage], None], stage: Path) -> None:
     edit(stage, defect)
-    found = {check.name: check for check in physics_motion.motion(MujocoWorld(stage, CONFIG.physics), QUICK.motion)}
+    found = {check.name: check for check in physics.MOTION.ask(MujocoWorld(stage, CONFIG.physics), QUICK.motion)}
     check = found[MOTION[defect]]
     assert check.status == "fail" and check.value > check.bound and check.remedy
     if defect is obstacle:
@@ -87,7 +87,7 @@ def test_a_body_that_falls_is_named_though_it_is_called_like_the_robot(stage: Pa
         edited.RemovePrim("/scene/panda_9/colliders")
 
     edit(stage, add)
-    settle, _ = physics_motion.rest(MujocoWorld(stage, CONFIG.physics), QUICK.motion)
+    settle, _ = physics.rest(MujocoWorld(stage, CONFIG.physics), QUICK.motion)
     # 0.2 s of free fall
     assert settle.prim == "/scene/panda_9" and settle.value == pytest.approx(0.5 * 9.81 * 0.2**2, rel=0.05)
 
@@ -99,7 +99,7 @@ def test_what_turns_about_its_own_grasp_point_gets_an_answer_too(stage: Path) ->
     )
     assert world.lever_arm == 0.0
     # Half of its 0.4 rad are tried, at which the model's drawer stands 0.2 m out, around the hand.
-    assert physics.grip(world, CONFIG.grip).prim.startswith(f"{TARGET}/colliders")
+    assert grasp.grip(world, CONFIG.grip).prim.startswith(f"{TARGET}/colliders")
 
 
 def test_the_way_of_a_body_is_that_of_its_farthest_point() -> None:
@@ -108,18 +108,18 @@ def test_the_way_of_a_body_is_that_of_its_farthest_point() -> None:
     poses = np.concatenate([random.normal(size=(6, 3)), turns.as_quat()], axis=1)
     places = np.array([turns[i].apply(points[i % 3]) + poses[i, :3] for i in range(6)])
     expected = np.linalg.norm(places[3:] - places[:3], axis=2).max(axis=1)
-    assert physics_motion._displacements(poses[:3], poses[3:], points) == pytest.approx(expected)
+    assert physics.displacements(poses[:3], poses[3:], points) == pytest.approx(expected)
 
 
 def test_clean_furniture_keeps_still_runs_freely_and_survives_mujoco(stage: Path) -> None:
-    found = physics_motion.motion(MujocoWorld(stage, CONFIG.physics), CONFIG.motion)
+    found = physics.MOTION.ask(MujocoWorld(stage, CONFIG.physics), CONFIG.motion)
     assert [check for check in found if check.status not in ("pass", "info")] == []
     assert {check.name for check in found} >= {"rest_displacement", "self_opening", "mujoco_reload", *MOTION.values()}
 
 
 def test_what_has_to_be_lifted_is_no_jam_and_its_weight_is_told(stage: Path) -> None:
     edit(stage, upright)
-    sweep = physics_motion.joint_sweep(MujocoWorld(stage, CONFIG.physics), CONFIG.motion)
+    sweep = physics.joint_sweep(MujocoWorld(stage, CONFIG.physics), CONFIG.motion)
     assert (
         sweep.status == "pass" and f"{5.32 * 9.81:.1f} N or less" in sweep.message
     )  # five times the force of the sweep
@@ -134,7 +134,7 @@ def test_dry_friction_below_the_force_is_no_jam(stage: Path, mass: float, fricti
         attribute(edited, f"{JOINT}.newton:friction", friction)
 
     edit(stage, heavy)
-    sweep = physics_motion.joint_sweep(MujocoWorld(stage, CONFIG.physics), CONFIG.motion)
+    sweep = physics.joint_sweep(MujocoWorld(stage, CONFIG.physics), CONFIG.motion)
     assert sweep.status == "pass", (sweep.value, sweep.message)
 
 
@@ -144,14 +144,12 @@ def test_dry_friction_that_holds_a_part_lets_it_not_creep(stage: Path) -> None:
         attribute(edited, f"{JOINT}.newton:friction", 9.0)  # twice the 4.55 N with which the drawer pulls
 
     edit(stage, sticky_slope)
-    _, opened = physics_motion.rest(
-        MujocoWorld(stage, CONFIG.physics), replace(CONFIG.motion, rest_time=0.2, open_time=1.0)
-    )
+    _, opened = physics.rest(MujocoWorld(stage, CONFIG.physics), replace(CONFIG.motion, rest_time=0.2, open_time=1.0))
     assert opened.value < 1e-4
 
 
 def test_the_hand_holds_a_bar_of_known_thickness(stage: Path) -> None:
-    attempt = physics.grip(MujocoWorld(stage, CONFIG.physics), CONFIG.grip)
+    attempt = grasp.grip(MujocoWorld(stage, CONFIG.physics), CONFIG.grip)
     width = int(attempt.message.split(" mm")[0])
     assert attempt.holds and width in (23, 24)  # the bar is 23.8 mm high; contacts give way by tenths of a millimetre
     assert 0.0 <= attempt.slip < CONFIG.grip.slip
@@ -160,7 +158,7 @@ def test_the_hand_holds_a_bar_of_known_thickness(stage: Path) -> None:
 def test_what_falls_shut_is_held_open_until_the_hand_has_closed(stage: Path) -> None:
     edit(stage, upright)
     # In the 0.6 s in which the hand closes it would fall all the 50 mm that it is open.
-    attempt = physics.grip(MujocoWorld(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0, pull_time=0.0))
+    attempt = grasp.grip(MujocoWorld(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0, pull_time=0.0))
     assert attempt.holds and attempt.message.startswith("23 mm")
 
 
@@ -169,24 +167,24 @@ def test_a_load_along_the_way_of_the_fingers_is_held_by_their_gear(stage: Path) 
     # Of the weight of 52.2 N each finger's gear takes half: 26.1 N / 20 kN/m = 1.3 mm, and the contacts give way by tenths of a
     # millimetre. Above 60 N the fingers are pushed open.
     world, weight = MujocoWorld(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0)
-    assert 0.0013 < physics.grip(world, weight).slip < CONFIG.grip.slip
-    assert physics.grip(world, replace(weight, gear=0.0)).slip > 0.02
-    assert not physics.grip(world, CONFIG.grip).holds
+    assert 0.0013 < grasp.grip(world, weight).slip < CONFIG.grip.slip
+    assert grasp.grip(world, replace(weight, gear=0.0)).slip > 0.02
+    assert not grasp.grip(world, CONFIG.grip).holds
 
 
 def test_a_pull_beyond_friction_slips(stage: Path) -> None:
     # Two fingers of 30 N at a friction coefficient of 1 hold 60 N.
     world = MujocoWorld(stage, CONFIG.physics)
-    assert physics.grip(world, replace(CONFIG.grip, pull=55.0)).holds
-    assert not physics.grip(world, replace(CONFIG.grip, pull=65.0)).holds
+    assert grasp.grip(world, replace(CONFIG.grip, pull=55.0)).holds
+    assert not grasp.grip(world, replace(CONFIG.grip, pull=65.0)).holds
 
 
 def test_colliders_that_fill_what_the_scan_leaves_free_are_named(stage: Path) -> None:
-    assert finger_gap.gap(stage, contents.read(stage), PANDA.gripper).fill_ratio == 0.0
+    assert grasp.gap(stage, contents.read(stage), PANDA.gripper).fill_ratio == 0.0
     edit(stage, swallowed_gap)
-    room = finger_gap.gap(stage, contents.read(stage), PANDA.gripper)
+    room = grasp.gap(stage, contents.read(stage), PANDA.gripper)
     assert room.graspable(CONFIG.gap) and room.fill_ratio > 0.5
-    attempt = physics.grip(MujocoWorld(stage, CONFIG.physics), CONFIG.grip)
+    attempt = grasp.grip(MujocoWorld(stage, CONFIG.physics), CONFIG.grip)
     assert not attempt.holds and attempt.prim == f"{TARGET}/colliders/hull_00"
 
 

@@ -16,7 +16,8 @@ from wrong_annotations import transformed
 
 from s2a.certify import contents, portability
 from s2a.certify.check_suite import CertifyConfig
-from s2a.certify.scan_evidence import Evidence, EvidenceConfig, as_scene, excess, obstacle, shift, uncovered, without
+from s2a.certify.contents import STRUCTURE
+from s2a.certify.scan_evidence import Evidence, as_scene, excess, obstacle, shift, uncovered, without
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.geometry.mesh_ops import keep, merge, normals, sample
 from s2a.scene.geometry.mesh_query import ray_mesh
@@ -24,7 +25,8 @@ from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import Base
 
-CONFIG: EvidenceConfig = load(CertifyConfig, "certify/default").evidence
+SETTINGS: CertifyConfig = load(CertifyConfig, "certify/default")
+CONFIG, SHAPES = SETTINGS.evidence, SETTINGS.shapes
 NAMED = {
     "axis_flipped": "opens_outward", "limits_negated": "opens_outward", "axis_tilted_15_deg": "slide_axis",
     "limits_doubled": "slide_travel", "wrong_kind": "kind",
@@ -62,12 +64,13 @@ def test_a_clean_stage_has_the_surface_on_its_side(stage: Path) -> None:
     checks = Evidence(stage).checks("drawer_2", CONFIG)
     assert len({check.name for check in checks}) == len(checks) >= 15
     assert {"up_axis", "scan_units"} <= {check.name for check in checks}
-    assert [rule(contents.read(stage)).status for rule in portability.ROOM_RULES] == ["pass"] * 6
+    structure = STRUCTURE.ask(contents.read(stage), SHAPES, "room")
+    assert set(READ_BY_OTHERS.values()) < {check.name for check in structure if check.status == "pass"}
 
 
 def test_a_room_in_decimetres_is_named(stage: Path) -> None:
     found = Evidence(stage)
-    found._surface = ScanSurface(transformed(as_scene(found.room), 10.0 * np.eye(3), labelled=True))
+    found.surface = ScanSurface(transformed(as_scene(found.room), 10.0 * np.eye(3), labelled=True))
     check = next(check for check in found.checks("drawer_2", CONFIG) if check.name == "scan_units")
     assert check.status == "fail" and check.remedy and check.value == pytest.approx(20.2, abs=0.1)
 
@@ -85,8 +88,9 @@ def test_what_another_simulator_would_read_is_named(stage: Path, defect: str) ->
     opened = Usd.Stage.Open(str(stage))
     EDITS[defect](opened, "drawer_2")
     opened.GetRootLayer().Save()
-    checks = {rule.__name__: rule(contents.read(stage)) for rule in portability.ROOM_RULES}
-    assert {name for name, check in checks.items() if check.status == "fail"} == {READ_BY_OTHERS[defect]}
+    checks = {check.name: check for check in STRUCTURE.ask(contents.read(stage), SHAPES, "room")}
+    failed = {name for name, check in checks.items() if check.status == "fail"}
+    assert failed & set(READ_BY_OTHERS.values()) == {READ_BY_OTHERS[defect]}
     assert checks[READ_BY_OTHERS[defect]].prim.startswith("/scene")
 
 
@@ -101,7 +105,7 @@ def test_what_another_simulator_would_read_is_named(stage: Path, defect: str) ->
 )
 def test_a_mass_that_no_body_of_this_size_has_is_named(stage: Path, tmp_path: Path, defect: str, said: str) -> None:
     sim_stage.write(CHANGES[defect](sim_stage.read(stage), "drawer_2"), tmp_path / "heavy.usda")
-    check = portability.mass_distribution(contents.read(tmp_path / "heavy.usda"))
+    check = portability.mass_distribution(contents.read(tmp_path / "heavy.usda"), SHAPES)
     assert check.status == "fail" and said in check.message
 
 
@@ -115,7 +119,7 @@ def test_a_drawers_weight_may_lie_behind_its_front_alone(
     hulls = np.concatenate([hull.mesh.vertices for hull in room.bodies["drawer_2"].colliders])
     center = tuple((hulls.min(axis=0) + hulls.max(axis=0)) / 2 + shift)
     sim_stage.write(mass_of(room, "drawer_2", center=center), tmp_path / "moved.usda")
-    assert portability.mass_distribution(contents.read(tmp_path / "moved.usda")).status == status
+    assert portability.mass_distribution(contents.read(tmp_path / "moved.usda"), SHAPES).status == status
 
 
 def test_a_shift_is_measured_along_the_directions_that_the_surface_tells() -> None:

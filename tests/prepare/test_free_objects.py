@@ -12,8 +12,7 @@ from cabinet_rooms import clean_cabinet_room
 from settings import load
 
 from s2a.certify.check_suite import CertifyConfig
-from s2a.certify.physics import MujocoWorld
-from s2a.certify.physics_motion import rest
+from s2a.certify.physics import MujocoWorld, rest
 from s2a.core.errors import InputError
 from s2a.prepare.free_objects import free_object, free_objects
 from s2a.prepare.room import PrepareConfig, prepare

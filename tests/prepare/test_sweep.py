@@ -13,6 +13,7 @@ from only_part import moving, part
 from pxr import Usd
 from settings import load
 
+from s2a.certify.check_suite import CertifyConfig
 from s2a.certify.contents import Contents
 from s2a.certify.static import joint_limits
 from s2a.commands import prepare as verb
@@ -28,6 +29,7 @@ from s2a.scene.usd.joints import write_joint
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.scene.usd.stage import new_stage
 
+SHAPES = load(CertifyConfig, "certify/default").shapes
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
 
 
@@ -126,7 +128,7 @@ LIMITS = [
 def test_a_target_is_refused_for_the_limits_that_no_certificate_allows(kind: str, limits: tuple[float, float]) -> None:
     stage, joint = new_stage(), replace(SLIDE, kind=kind, limits=limits)
     prim = write_joint(stage, "/scene/joint", joint, "/scene/a", "/scene/b").GetPrim()
-    certified = joint_limits(Contents(stage, "", None, prim, None, (), (), ())).status == "pass"
+    certified = joint_limits(Contents(stage, "", None, prim, None, (), (), ()), SHAPES).status == "pass"
     scene = Scene("one", {"drawer_3": Part("drawer", cube(0.0), motion=joint)})
     if certified:
         assert target_joint(scene, "drawer_3") == joint

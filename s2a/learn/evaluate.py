@@ -148,9 +148,10 @@ def by_part(
         "parts": each part's rates; "over_parts": the mean of these rates with its bootstrap 95 % interval over parts, for all,
         and by kind of joint, of handle and of room.
     """
-    each = {name: _mean_by(values, stage_of_env, len(entries)) for name, values in rates.items()}
+    count = np.bincount(stage_of_env, minlength=len(entries))
+    each = {n: np.bincount(stage_of_env, v, len(entries)) / np.maximum(count, 1) for n, v in rates.items()}
     rows = [
-        {**asdict(entry), "episodes": int((stage_of_env == i).sum()), **{n: float(v[i]) for n, v in each.items()}}
+        {**asdict(entry), "episodes": int(count[i]), **{name: float(values[i]) for name, values in each.items()}}
         for i, entry in enumerate(entries)
     ]
     groups: dict[str, Callable[[PoolPart], str]] = {
@@ -163,11 +164,6 @@ def by_part(
         keys = np.array([key(entry) for entry in entries])
         tables[name] = {value: _group(each, np.flatnonzero(keys == value), seed) for value in sorted(set(keys))}
     return {"parts": rows, "over_parts": tables}
-
-
-def _mean_by(values: np.ndarray, stage: np.ndarray, count: int) -> np.ndarray:
-    """Return the mean of each stage's values, shape [stage]."""
-    return np.bincount(stage, values, count) / np.maximum(np.bincount(stage, minlength=count), 1)
 
 
 def _group(each: Mapping[str, np.ndarray], members: np.ndarray, seed: int) -> dict[str, Any]:
@@ -262,7 +258,6 @@ def evaluate_soft(
 
 
 def _soft_summary(rows: list[dict[str, Any]], metrics: SoftMetrics) -> dict[str, Any]:
-    """Return what rows came to."""
     simulated = [row for row in rows if "limit_use" in row]
     limits = simulated[0]["limit_use"] if simulated else ()
     return {

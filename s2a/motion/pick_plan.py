@@ -187,7 +187,6 @@ class PickPlanner:
         raise failure(self._target, nearest, size, self._search.misses, self._spec)
 
     def _with(self, grasps: ObjectGrasps, fits: Fits | None) -> PickPlan | None:
-        """Return the first plan with one of some grasps."""
         pairs = chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE)
         ordered = shorter_first(self._paths(some, grasps) for some in pairs)
         return next(filter(None, map(self._joined, ordered)), None)

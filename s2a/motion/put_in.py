@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -89,12 +89,6 @@ class PutTask:
     depth: float
 
 
-class PutInEnds(pick.EndsConfig, Protocol):
-    """The settings of a task that say besides how far the part is opened: the path of the handle [m]."""
-
-    opening: float
-
-
 @dataclass(frozen=True, kw_only=True)
 class PutStage(PickStage):
     """A free object and the part into which it is put.
@@ -122,9 +116,11 @@ class PutStage(PickStage):
 
 
 def read_stage(
-    path: Path, part: str | None, robot: str | None, also: Sequence[str], config: PutInEnds, motion: PlannerConfig
+    path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any, motion: PlannerConfig
 ) -> PutStage:
     """Read a room and plan for an object and a part of it, which decides where the robot stands.
+
+    The task's settings have `start` and `place` as those of `pick.read_stage`, and `opening`: the path of the handle [m].
 
     Raises:
         InputError: no such object, start or part; the robot cannot do it, with the segment that fails.

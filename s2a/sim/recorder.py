@@ -158,7 +158,8 @@ class LimitUse:
         command = torch.where(reset[:, None], 0.0, (target - self._last_target) * self._rate)
         change, gained = (command - self._last_command) * self._rate, (speed - self._last_speed) * self._rate
         joints = self._sim.joint_q[:, : self._joints]
-        used = self._limits.fractions(command, change, joints, speed, gained, self._motors())
+        motors = wp.to_torch(self._sim.solver.mjw_data.qfrc_actuator)  # torques [N m] in the last physics step
+        used = self._limits.fractions(command, change, joints, speed, gained, motors)
         for name, fraction in used.items():
             seen = torch.where(reset[:, None], 0.0, fraction.abs()).amax(dim=0)
             self.peaks[name] = torch.maximum(self.peaks[name], seen)
@@ -172,7 +173,3 @@ class LimitUse:
     def _remember(self) -> None:
         self._last_target = self._sim.joint_target_q[:, : self._joints].clone()
         self._last_speed = self._sim.joint_qd[:, : self._joints].clone()
-
-    def _motors(self) -> torch.Tensor:
-        """Return the motors' torques [N m] in the last physics step, shape [world dof]."""
-        return wp.to_torch(self._sim.solver.mjw_data.qfrc_actuator)

@@ -62,7 +62,6 @@ def _pack(world: newton.ModelBuilder) -> dict[str, Any]:
 
 
 def _unpack(state: dict[str, Any]) -> newton.ModelBuilder:
-    """Return the builder that `_pack` was given."""
     world = empty_world()
     for name, values in state[ATTRIBUTES].items():
         world.custom_attributes[name].values = values

@@ -224,7 +224,6 @@ def _grown(filled: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _box(low: np.ndarray, high: np.ndarray) -> Mesh:
-    """Return a box from corner to corner."""
     corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]

@@ -74,7 +74,6 @@ def harden(builder: newton.ModelBuilder, body: int, dt: float) -> None:
 
 
 def _set(builder: newton.ModelBuilder, name: str, index: int, value: object) -> None:
-    """Set one of MuJoCo's attributes of a shape or a dof."""
     attribute = builder.custom_attributes[f"mujoco:{name}"]
     attribute.values = {**(attribute.values or {}), index: value}
 

@@ -319,7 +319,6 @@ def weights_of(rewards: Terms, weights: Mapping[str, float]) -> list[float]:
 
 
 def _active(groups: Mapping[str, Sequence[wp.Function]], config: Any) -> list[wp.Function]:
-    """Return the terms of the groups that the settings turn on."""
     return [each for setting, group in groups.items() if not setting or getattr(config, setting) for each in group]
 
 

@@ -162,7 +162,6 @@ class VecEnv:
         return arrays | {f"task.{name}": array for name, array in self.task.persistent().items()}
 
     def _step(self) -> None:
-        """Do one control step on the device."""
         state, task = self.state, self.task
         with wp.ScopedDevice(self.sim.device):
             self._launch(kernels.act, state, self._motion)
@@ -203,7 +202,6 @@ class VecEnv:
         wp.launch(kernel, dim=self.num_envs, inputs=list(inputs))
 
     def _share_with_torch(self) -> None:
-        """Make tensors that share the arrays' memory."""
         s = self.state
         self._action, self.observation, self.terms = map(wp.to_torch, (s.action, s.observation, s.terms))
         self.reward, self.done, self.time_out = map(wp.to_torch, (s.reward, s.done, s.time_out))

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -115,12 +113,7 @@ class PickPlace(Task):
     )
     Stage: ClassVar[type[SimStage]] = pick.PickStage
 
-    @staticmethod
-    def read_stage(
-        path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any, motion: Any
-    ) -> pick.PickStage:
-        """Read the room, and plan for the object."""
-        return pick.read_stage(path, part, robot, also, config, motion)
+    read_stage = staticmethod(pick.read_stage)
 
     @staticmethod
     def requested(config: Any, place: str | None, opened: float) -> Any:

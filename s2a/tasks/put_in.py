@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -92,12 +90,7 @@ class PutIn(PickPlace):
     )
     Stage: ClassVar[type[SimStage]] = put_in.PutStage
 
-    @staticmethod
-    def read_stage(
-        path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any, motion: Any
-    ) -> put_in.PutStage:
-        """Read the room, and plan for the object and the part."""
-        return put_in.read_stage(path, part, robot, also, config, motion)
+    read_stage = staticmethod(put_in.read_stage)
 
     def trajectory(self, settings: Any) -> Trajectory:
         """Return the planned trajectory."""

@@ -177,12 +177,12 @@ def hulls_near(room: SimRoom, body: SoftBody, ends: list[np.ndarray]) -> list[Me
         every += [Mesh(in_scene(each, c.mesh), c.mesh.faces) for c in each.colliders]
     points = [body.vertices @ m[:3, :3].T + m[:3, 3] for m in map(matrix, ends)]
     boxes = [(p.min(axis=0) - NEAR_BODY, p.max(axis=0) + NEAR_BODY) for p in points]
-    return [h for h in every if any(_overlap(h, low, high) for low, high in boxes)]
-
-
-def _overlap(hull: Mesh, low: np.ndarray, high: np.ndarray) -> bool:
-    points = np.asarray(hull.vertices)
-    return bool((points.min(axis=0) <= high).all() and (points.max(axis=0) >= low).all())
+    bounds = [(np.min(hull.vertices, axis=0), np.max(hull.vertices, axis=0)) for hull in every]
+    return [
+        hull
+        for hull, (least, most) in zip(every, bounds, strict=True)
+        if any((least <= high).all() and (most >= low).all() for low, high in boxes)
+    ]
 
 
 DRAWS = 20

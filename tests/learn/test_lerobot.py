@@ -35,7 +35,7 @@ def add(dataset: LeRobotDataset, folder: Path, length: int, level: float, task: 
     stats = {
         CAMERA: {**{k: np.full((3, 1, 1), level).tolist() for k in ("min", "max", "mean", "std")}, "count": [length]}
     }
-    dataset.add(episode(length, level), {CAMERA: video}, stats, task)
+    dataset.append(episode(length, level), {CAMERA: video}, stats, task)
 
 
 def begun(folder: Path) -> LeRobotDataset:
@@ -141,7 +141,7 @@ def test_folders_that_hold_something_else_are_left_alone(tmp_path: Path) -> None
         begun(tmp_path)
     assert [file.name for file in (tmp_path / "set").iterdir()] == ["thesis.txt"]
     other = LeRobotDataset(tmp_path / "other", 20, "panda", {"grip": FEATURES["grip"]})
-    other.add({"grip": np.zeros((2, 1), np.float32)}, {}, {}, "wait")
+    other.append({"grip": np.zeros((2, 1), np.float32)}, {}, {}, "wait")
     with pytest.raises(InputError, match="holds a dataset of other features or another fps"):
         LeRobotDataset(tmp_path / "other", 20, "panda", FEATURES)
     (tmp_path / "other/meta/info.json").write_text("{")

@@ -89,7 +89,12 @@ class LeRobotDataset:
         """Number of finished episodes."""
         return int(self.info["total_episodes"])
 
-    def add(self, columns: Mapping[str, np.ndarray], videos: Mapping[str, Path], stats: Stats, task: str) -> None:
+    @property
+    def frames(self) -> int:
+        """Number of frames in all of them."""
+        return int(self.info["total_frames"])
+
+    def append(self, columns: Mapping[str, np.ndarray], videos: Mapping[str, Path], stats: Stats, task: str) -> None:
         """Add an episode.
 
         Args:
@@ -105,7 +110,7 @@ class LeRobotDataset:
             target = self.root / VIDEO.format(video_key=key, **place)
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.move(source, target)
-        first = int(self.info["total_frames"])
+        first = self.frames
         frames = np.arange(length)
         counted = {
             "timestamp": (frames / self.info["fps"]).astype(np.float32),
@@ -154,10 +159,10 @@ class LeRobotDataset:
         stats.json is written before it, and where a run was killed between the two it has an episode more; each episode has its
         own beside it.
         """
-        file, frames = self.root / "meta/stats.json", int(self.info["total_frames"])
+        file = self.root / "meta/stats.json"
         stats: Stats = _read(file) if self.count and file.is_file() else {}
         counts = [each.get("count") if isinstance(each, dict) else None for each in stats.values()]
-        if not self.count or (counts and all(count == [frames] for count in counts)):
+        if not self.count or (counts and all(count == [self.frames] for count in counts)):
             return stats
         stats = {}
         for i in range(self.count):
@@ -262,7 +267,7 @@ LOSSLESS = "{kind}/{camera}/episode_{index:06d}.mkv"
 IMAGES = "observation.images.{camera}"
 
 
-class LeRobot:
+class LeRobot(LeRobotDataset):
     """See `s2a.learn.collect.episodes.Dataset`."""
 
     FILES: ClassVar[Mapping[str, type[ImageFile]]] = {
@@ -273,18 +278,7 @@ class LeRobot:
 
     def __init__(self, root: Path, features: Features) -> None:
         """Begin a dataset or go on with one."""
-        self.root = root
-        self._set = LeRobotDataset(root, features.fps, features.robot, _features(features))
-
-    @property
-    def count(self) -> int:
-        """Number of finished episodes."""
-        return self._set.count
-
-    @property
-    def frames(self) -> int:
-        """Number of frames in all of them."""
-        return int(self._set.info["total_frames"])
+        super().__init__(root, features.fps, features.robot, _features(features))
 
     def add(self, episode: Episode) -> None:
         """Write what LeRobot does not read first, the episode itself last."""
@@ -298,11 +292,10 @@ class LeRobot:
             target = self.root / LOSSLESS.format(kind=kind, camera=camera, index=self.count)
             target.parent.mkdir(parents=True, exist_ok=True)
             images.path.replace(target)
-        self._set.add(episode.columns, videos, stats, episode.task)
+        self.append(episode.columns, videos, stats, episode.task)
 
 
 def _features(features: Features) -> dict[str, dict[str, object]]:
-    """Return the features as info.json has them."""
     width, height = features.size
     about = {
         "video.fps": float(features.fps),

@@ -64,7 +64,6 @@ class Robomimic:
             self._link(file)
 
     def _write(self, demo: h5py.Group, episode: Episode) -> None:
-        """Write an episode into a group."""
         low, high = self._features.action_range
         targets = episode.columns["action"]
         last = np.arange(len(targets)) == len(targets) - 1
@@ -83,7 +82,6 @@ class Robomimic:
         _shifted(demo.create_group("next_obs"), observed)
 
     def _shape(self, kind: str) -> tuple[tuple[int, ...], type]:
-        """Return shape and type of an image."""
         width, height = self._features.size
         return ((height, width, 3), np.uint8) if kind == "image" else ((height, width, 1), np.uint16)
 

@@ -248,7 +248,6 @@ class GraphPpo(PPO):
 
 
 def _capture(function: Callable[[], None]) -> Callable[[], None]:
-    """Return a function as one captured graph."""
     graph = torch.cuda.CUDAGraph()
     with torch.cuda.graph(graph):
         function()

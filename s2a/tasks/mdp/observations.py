@@ -18,6 +18,12 @@ FORCE = wp.constant(0.05)
 
 
 @wp.func
+def clamped_vector(v: wp.vec3, limit: float):
+    """Return a vector whose components are clamped to +- a limit."""
+    return wp.vec3(wp.clamp(v[0], -limit, limit), wp.clamp(v[1], -limit, limit), wp.clamp(v[2], -limit, limit))
+
+
+@wp.func
 def joint_positions(s: State, w: World, world: int, joint: int) -> float:
     """Joint position, scaled to its range; that of a finger that holds by opening is mirrored (`State.internal`)."""
     position = finger_position(s, world, joint, s.joint_q[world, joint])
@@ -130,12 +136,7 @@ def fine_point(s: State, w: World, world: int) -> wp.vec3:
 
     Among distances of half a metre a network hardly sees that the fingers are still a centimetre outside of a pocket.
     """
-    point = grasp_point(s, w, world) / FINE_LENGTH
-    return wp.vec3(
-        wp.clamp(point[0], -FINE_LIMIT, FINE_LIMIT),
-        wp.clamp(point[1], -FINE_LIMIT, FINE_LIMIT),
-        wp.clamp(point[2], -FINE_LIMIT, FINE_LIMIT),
-    )
+    return clamped_vector(grasp_point(s, w, world) / FINE_LENGTH, FINE_LIMIT)
 
 
 @wp.func
@@ -154,10 +155,7 @@ def true_grasp(s: State, w: World, world: int):
 @wp.func
 def true_point(s: State, w: World, world: int) -> wp.vec3:
     """Point of the true grasp in the tool frame [m]."""
-    point, limit = wp.transform_get_translation(true_grasp(s, w, world)), w.number.observation_limit
-    return wp.vec3(
-        wp.clamp(point[0], -limit, limit), wp.clamp(point[1], -limit, limit), wp.clamp(point[2], -limit, limit)
-    )
+    return clamped_vector(wp.transform_get_translation(true_grasp(s, w, world)), w.number.observation_limit)
 
 
 @wp.func

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.joints.register_surface import SPACING, Cloud, OrientedMesh, Patch, connected, match
 from s2a.scene.articulation import transform
+from s2a.scene.geometry.planes import across
 from s2a.scene.scene import Joint
 
 ALIKE = 0.75
@@ -60,13 +61,6 @@ def changed_joint(joint: Joint, x: np.ndarray) -> Joint:
     axis = Rotation.from_rotvec(x[0] * u + x[1] * v).apply(joint.axis)
     origin = np.array(joint.origin) + (x[2] * u + x[3] * v if joint.kind == "revolute" else 0.0)
     return Joint(joint.kind, tuple(axis / np.linalg.norm(axis)), tuple(origin), (0.0, joint.limits[1] + x[-1]))
-
-
-def across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two unit vectors across an axis and each other, shape [3] each."""
-    u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    u /= np.linalg.norm(u)
-    return u, np.cross(axis, u)
 
 
 def unknowns(joint: Joint) -> int:

@@ -13,7 +13,6 @@ from s2a.joints.register_fit import (
     MIN_SLIDE,
     JointFit,
     Start,
-    across,
     explained,
     fit,
     front_of,
@@ -21,6 +20,7 @@ from s2a.joints.register_fit import (
 from s2a.joints.register_surface import FLAT, SPACING, TILT, Cloud, OrientedMesh, Patch, match, plane
 from s2a.scene.articulation import opening_direction, transform
 from s2a.scene.geometry.mesh_query import visible_distance
+from s2a.scene.geometry.planes import across
 from s2a.scene.scene import Joint
 
 HELD = 0.06

@@ -150,9 +150,11 @@ def claim(surface: ScanMesh, owner: np.ndarray, count: int, files: tuple[Path, P
     if files is not None:
         groups = read_segments(*files, len(surface.vertices))
         groups = unclaimed(groups, surface.faces, owner >= 0)
-        group = face_groups(groups, surface.faces[free], len(surface.vertices))
-        place = _places([each.label for each in groups], count, names)
-        owner[free] = np.append(place, -1)[group]
+        place: list[int] = []
+        for label in (group.label for group in groups):
+            place.append(REMOVED if labels.is_removed(label) else -1 if labels.is_split(label) else count + len(names))
+            names += [label] if place[-1] >= 0 else []
+        owner[free] = np.array([*place, -1])[face_groups(groups, surface.faces[free], len(surface.vertices))]
         _warn_of_removed(files[1], owner)
     if (owner == -1).any():
         owner[owner == -1] = count + len(names)
@@ -232,15 +234,3 @@ def scene(
 def _warn_of_removed(path: Path, owner: np.ndarray) -> None:
     if faces := int((owner == REMOVED).sum()):
         _log.warning("%s: %d faces that annotators named 'remove' are left out: artefacts of the scan", path, faces)
-
-
-def _places(names: list[str], count: int, parts: list[str]) -> np.ndarray:
-    """Return the part of each group, REMOVED, or -1 for "unannotated", shape [group]; append labels of parts to `parts`."""
-    place = np.full(len(names), -1, dtype=np.int64)
-    for position, name in enumerate(names):
-        if labels.is_removed(name):
-            place[position] = REMOVED
-        elif not labels.is_split(name):
-            place[position] = count + len(parts)
-            parts.append(name)
-    return place

@@ -14,8 +14,7 @@ from cabinet import write_cabinet
 from s2a import robot
 from s2a.commands import cli
 from s2a.core.errors import InputError
-from s2a.joints import pull as robot_pull
-from s2a.joints.pull import header, read
+from s2a.joints.pull import header, read, read_recordings
 
 FPS = 50
 SCALARS = {name: {"dtype": "int64", "shape": [1], "names": None} for name in ("frame_index", "episode_index", "index")}
@@ -114,7 +113,7 @@ def test_a_robots_joints_and_torques_are_columns(tmp_path: Path, apart: bool) ->
         frames = {"observation.state": np.hstack([torque, q])}
     root = write(tmp_path / "set", features, [[frames]])
     assert {*spec.recorded} <= {*header(root)}
-    (found,) = robot_pull.read_recordings(root, spec)
+    (found,) = read_recordings(root, spec)
     assert found.q == pytest.approx(q, rel=1e-6) and found.torque == pytest.approx(torque, rel=1e-6)
 
 
@@ -122,7 +121,7 @@ def test_what_is_none_or_lacks_something_is_refused(dataset: Path, tmp_path: Pat
     with pytest.raises(InputError, match="no LeRobot dataset"):
         read(tmp_path)
     with pytest.raises(InputError, match="no 'panda_joint1' among the names of its features, time, opening, force"):
-        robot_pull.read_recordings(dataset, robot.load("panda"))
+        read_recordings(dataset, robot.load("panda"))
     info = json.loads((dataset / "meta/info.json").read_text())
     (dataset / "meta/info.json").write_text(json.dumps(info | {"codebase_version": "v2.1"}))
     with pytest.raises(InputError, match="codebase_version v2.1; v3.0 is read"):

@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.geometry.mesh_ops import centroids, keep, merge, sample
-from s2a.scene.geometry.planes import find_planes, min_area_rectangle
+from s2a.scene.geometry.planes import across, find_planes, min_area_rectangle
 from s2a.scene.scene import Mesh, Scene
 
 FLAT = 0.006
@@ -124,9 +124,7 @@ def _relief(scene: Scene, part: str, normal: np.ndarray, offset: float) -> float
 
 def _rectangle(mesh: Mesh, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Return the smallest rectangle around a mesh across a normal: directions [3 2], low and high [2], and its fill."""
-    x = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    x /= np.linalg.norm(x)
-    basis = np.stack([x, np.cross(normal, x)], axis=1)
+    basis = np.stack(across(normal), axis=1)
     flat = mesh.vertices.astype(np.float64) @ basis
     axes = basis @ min_area_rectangle(flat)
     along = mesh.vertices.astype(np.float64) @ axes

@@ -138,18 +138,13 @@ class _Reader:
     def _instances(self, node: dict[str, Any], world: np.ndarray) -> Iterator[np.ndarray]:
         """Yield the matrices [4 4] at which a node's mesh stands."""
         given = node.get("extensions", {}).get(INSTANCES, {}).get("attributes", {})
-        arrays = {
-            name: self._file.array(index)
-            for name, index in given.items()
-            if name in ("TRANSLATION", "ROTATION", "SCALE")
-        }
-        if not arrays:
+        names = ("TRANSLATION", "ROTATION", "SCALE")
+        arrays = [self._file.array(given[name]) if name in given else None for name in names]
+        lengths = [len(array) for array in arrays if array is not None]
+        if not lengths:
             yield world
-            return
-        for row in range(min(map(len, arrays.values()))):
-            yield world @ _composed(
-                *(arrays[name][row] if name in arrays else None for name in ("TRANSLATION", "ROTATION", "SCALE"))
-            )
+        for row in range(min(lengths, default=0)):
+            yield world @ _composed(*(None if array is None else array[row] for array in arrays))
 
     def _faces(self, primitive: dict[str, Any]) -> np.ndarray | None:
         """Return a primitive's triangles, shape [face 3], int64; None for points and lines, which are counted."""

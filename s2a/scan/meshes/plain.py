@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 from s2a.core.color_space import to_linear
 from s2a.core.errors import InputError
@@ -25,8 +26,6 @@ def read(path: Path) -> SourceMesh:
     Raises:
         InputError: a truncated or damaged file.
     """
-    import trimesh
-
     try:
         mesh = trimesh.load_mesh(path, process=False)
         points, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)

@@ -128,6 +128,13 @@ def _best_plane(
     return Plane(normal, offset, faces)
 
 
+def across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return two unit vectors across an axis and each other, shape [3] each."""
+    u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    u /= np.linalg.norm(u)
+    return u, np.cross(axis, u)
+
+
 def plane_axes(normal: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return a rotation [3 3]: two directions in the plane and its normal.
 

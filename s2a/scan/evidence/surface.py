@@ -249,8 +249,11 @@ def sweep(surface: ScanSurface, part: str, tolerated: float) -> Sweep:
 def _near(mesh: Mesh, paths: np.ndarray) -> np.ndarray:
     """Return which faces of a mesh reach into the box around paths [step point 3], shape [face]."""
     low, high = paths.min(axis=(0, 1)), paths.max(axis=(0, 1))
-    corners = mesh.vertices[mesh.faces]
-    return ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
+    # A bit for each side of the box: faces beyond one with all corners are outside. A byte a vertex; corners take 72 a face.
+    beyond = np.concatenate([mesh.vertices < low, mesh.vertices > high], axis=1)
+    outside = np.packbits(beyond, axis=1)[:, 0]
+    first, second, third = (outside[mesh.faces[:, k]] for k in range(3))
+    return (first & second & third) == 0
 
 
 def _stops(tree: RayMesh, facing: np.ndarray, paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,8 +11,8 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from s2a.certify.check import Suite
 from s2a.core.bounds import CountFromZero, NotNegative
 from s2a.core.errors import InputError
-from s2a.scene.usd.joints import joint_ends
-from s2a.scene.usd.sim_stage import FLAVOUR
+from s2a.scene.usd.joints import is_body, joint_ends
+from s2a.scene.usd.sim_read import require_flavour
 from s2a.scene.usd.stage import ROOT, reading
 
 
@@ -67,9 +67,7 @@ def read(path: Path, part: str | None = None) -> Contents:
     with reading(path):
         stage = Usd.Stage.Open(str(path))
         stage.Reload()
-    root = stage.GetPrimAtPath(ROOT)
-    if not root or root.GetAttribute("s2a:flavour").Get() != FLAVOUR:
-        raise InputError(f"{path}: not a simulation-ready stage (no s2a:flavour {FLAVOUR!r}); run s2a prepare")
+    require_flavour(stage.GetPrimAtPath(ROOT), path)
     prims = tuple(stage.Traverse(Usd.TraverseInstanceProxies()))
     held = Contents(
         stage=stage,
@@ -77,7 +75,7 @@ def read(path: Path, part: str | None = None) -> Contents:
         target=None,
         joint=None,
         carrier=None,
-        bodies=tuple(prim for prim in prims if prim.HasAPI(UsdPhysics.RigidBodyAPI)),
+        bodies=tuple(prim for prim in prims if is_body(prim)),
         joints=tuple(prim for prim in prims if prim.IsA(UsdPhysics.Joint)),
         meshes=tuple(prim for prim in prims if prim.IsA(UsdGeom.PointBased)),
     )
@@ -95,9 +93,9 @@ def parts(held: Contents) -> tuple[str, ...]:
 def about(held: Contents, part: str) -> Contents:
     """Return the same contents, asked about another part."""
     target = held.stage.GetPrimAtPath(f"{ROOT}/{part or '_'}")
-    moving = [prim for prim in held.joints if target and target.GetPath() in ends(prim)[1]]
+    moving = [prim for prim in held.joints if target and target.GetPath() in joint_ends(prim)[1]]
     joint = moving[0] if len(moving) == 1 else None
-    carriers = [held.stage.GetPrimAtPath(path) for path in ends(joint)[0]] if joint else []
+    carriers = [held.stage.GetPrimAtPath(path) for path in joint_ends(joint)[0]] if joint else []
     carrier = carriers[0] if len(carriers) == 1 and carriers[0] else None
     return replace(held, part=part, target=target or None, joint=joint, carrier=carrier)
 
@@ -107,16 +105,11 @@ def fixed_carrier(held: Contents) -> Usd.Prim | None:
     body, seen = held.carrier, set()
     while body and body.GetPath() not in seen:
         seen.add(body.GetPath())
-        above = [j for j in held.joints if ends(j)[1] == [body.GetPath()] and ends(j)[0]]
+        above = [j for j in held.joints if joint_ends(j)[1] == [body.GetPath()] and joint_ends(j)[0]]
         if not above:
             return body
-        body = held.stage.GetPrimAtPath(ends(above[0])[0][0])
+        body = held.stage.GetPrimAtPath(joint_ends(above[0])[0][0])
     return None
-
-
-def ends(joint: Usd.Prim) -> tuple[list[str], list[str]]:
-    """Return the paths of what a joint holds on to, and of what it moves."""
-    return joint_ends(joint)
 
 
 def points(prim: Usd.Prim) -> np.ndarray:

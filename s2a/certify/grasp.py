@@ -8,7 +8,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from pxr import UsdGeom
 from scipy.spatial.transform import Rotation
 
 from s2a.certify.contents import Contents
@@ -21,7 +20,7 @@ from s2a.scene.geometry.front_panel import fraction_inside
 from s2a.scene.geometry.mesh_ops import keep, merge, sample
 from s2a.scene.geometry.mesh_query import RayMesh, first_hits, ray_mesh
 from s2a.scene.scene import Mesh
-from s2a.scene.usd.stage import read_attribute, read_mesh
+from s2a.scene.usd.stage import read_attribute, read_mesh, world_pose
 
 MARGIN = 0.002
 """[m] Accuracy of a scan: points nearer to its surface count as occupied."""
@@ -98,10 +97,8 @@ def gap(path: Path, held: Contents, gripper: GripperSpec) -> Gap:
     """
     assert held.target is not None
     site = held.target.GetChild("grasp")
-    pose = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(0.0)
-    quat = pose.ExtractRotationQuat()
-    frame = Rotation.from_quat([*quat.GetImaginary(), quat.GetReal()]).as_matrix()
-    origin = np.array(pose.ExtractTranslation())
+    origin, orientation = world_pose(site)
+    frame = Rotation.from_quat(orientation).as_matrix()
     region = (sample(read_mesh(held.target.GetChild("region")), 20000, seed=0) - origin) @ frame
     here = region[np.abs(region[:, 0]) < gripper.finger_box[0] / 2]
     if len(here) < 50:

@@ -19,7 +19,7 @@ from s2a.core.outputs import temporary_folder
 from s2a.robot.model import add_gripper
 from s2a.scene.articulation import opening_sign, pose_at
 from s2a.scene.usd import sim_stage
-from s2a.scene.usd.sim_scene import PREPARE_AGAIN
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN, rotate
 from s2a.sim.room import owner
 from s2a.sim.world import JointConfig, build_world, read_stage
 
@@ -397,10 +397,5 @@ def displacements(start: np.ndarray, now: np.ndarray, points: np.ndarray) -> np.
         now: the same, later.
         points: of each, in its own frame [m], shape [body point 3].
     """
-
-    def carried(poses: np.ndarray) -> np.ndarray:
-        axis, w = poses[:, None, 3:6], poses[:, None, 6:]
-        turned = points + 2.0 * np.cross(axis, np.cross(axis, points) + w * points)
-        return turned + poses[:, None, :3]
-
-    return np.linalg.norm(carried(now) - carried(start), axis=2).max(axis=1)
+    before, after = (rotate(poses[:, None, 3:], points) + poses[:, None, :3] for poses in (start, now))
+    return np.linalg.norm(after - before, axis=2).max(axis=1)

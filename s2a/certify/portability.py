@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
-from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig, ends, points
+from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig, points
 from s2a.core.check import Check, no_problems
 from s2a.core.errors import InputError
 from s2a.scene.articulation import open_limit
-from s2a.scene.usd.joints import read_joint
+from s2a.scene.usd.joints import joint_ends, read_joint
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
 
 STANDARD_GRAVITY = (9.78, 9.84)
@@ -134,7 +134,12 @@ def contact_material(contents: Contents, config: ShapeConfig) -> Check:
 def mass_distribution(contents: Contents, config: ShapeConfig) -> Check:
     """Mass, centre and inertia of all that moves are of a body of this size; of what is fixed to the world they do nothing."""
     problems = []
-    held = {path for j in contents.joints if j.IsA(UsdPhysics.FixedJoint) and not ends(j)[0] for path in ends(j)[1]}
+    held = {
+        path
+        for j in contents.joints
+        if j.IsA(UsdPhysics.FixedJoint) and not joint_ends(j)[0]
+        for path in joint_ends(j)[1]
+    }
     for body in (body for body in contents.bodies if body.GetPath() not in held):
         low, high = _bounds(contents, body)
         api, path = UsdPhysics.MassAPI(body), str(body.GetPath())
@@ -175,7 +180,7 @@ def _near(contents: Contents, first: Usd.Prim, second: Usd.Prim) -> bool:
 def _behind(contents: Contents, path: str) -> np.ndarray:
     """Return how far a slide reaches behind its front [m], shape [3]: as deep as it slides; its box has no colliders."""
     for prim in contents.joints:
-        if prim.IsA(UsdPhysics.PrismaticJoint) and path in map(str, ends(prim)[1]):
+        if prim.IsA(UsdPhysics.PrismaticJoint) and path in map(str, joint_ends(prim)[1]):
             with suppress(InputError):  # other rules name a joint that cannot be read
                 joint = read_joint(prim)
                 return -open_limit(joint) * np.array(joint.axis)

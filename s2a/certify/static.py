@@ -9,12 +9,12 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig, ends, faces, fixed_carrier, points
+from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig, faces, fixed_carrier, points
 from s2a.core.check import Check, at_most, no_problems
 from s2a.scene import scene
-from s2a.scene.usd.joints import KINDS
+from s2a.scene.usd.joints import KINDS, is_body, joint_ends
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
-from s2a.scene.usd.stage import ROOT, broken_rules, read_attribute
+from s2a.scene.usd.stage import ROOT, broken_rules, read_attribute, world_pose
 
 EXACT = 1e-6
 """Largest difference of an exact value and its float32 copy [m or 1]."""
@@ -69,7 +69,7 @@ def target(contents: Contents, config: ShapeConfig) -> Check:
     name, problems = contents.part, []
     if not name:
         problems.append((f"{ROOT}/joints", "no joint moves anything"))
-    elif not contents.target or not contents.target.HasAPI(UsdPhysics.RigidBodyAPI):
+    elif not is_body(contents.target):
         problems.append((f"{ROOT}/{name}", f"the joint {name!r} has no rigid body of its name"))
     elif contents.joint and contents.joint.GetName() != name:
         problems.append((str(contents.joint.GetPath()), f"the joint that moves {name!r} has another name"))
@@ -80,7 +80,7 @@ def target(contents: Contents, config: ShapeConfig) -> Check:
 def bodies(contents: Contents, config: ShapeConfig) -> Check:
     """Bodies are siblings; what hangs on a joint stands at the identity, what is free at its centre of mass."""
     problems = []
-    moved = {path for joint in contents.joints for path in ends(joint)[1]}
+    moved = {path for joint in contents.joints for path in joint_ends(joint)[1]}
     for body in contents.bodies:
         path, matrix = body.GetPath(), UsdGeom.Xformable(body).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
         turn = np.array(matrix)[:3, :3]
@@ -110,7 +110,7 @@ def root_joint(contents: Contents, config: ShapeConfig) -> Check:
         problems.append((_path(contents.joint), "the part's joint has no body to move against"))
     else:
         here = carrier.GetPath()
-        fixed = [j for j in contents.joints if j.IsA(UsdPhysics.FixedJoint) and ends(j) == ([], [here])]
+        fixed = [j for j in contents.joints if j.IsA(UsdPhysics.FixedJoint) and joint_ends(j) == ([], [here])]
         if len(fixed) != 1:
             problems.append((str(here), f"{len(fixed)} fixed joints hold what carries the part in the world, not one"))
         if not {p.GetPath() for p in roots} & {here, *(j.GetPath() for j in fixed)}:
@@ -124,17 +124,17 @@ def root_joint(contents: Contents, config: ShapeConfig) -> Check:
 def target_joint(contents: Contents, config: ShapeConfig) -> Check:
     """One slide or hinge moves the target, between two bodies of the stage."""
     problems = []
-    moving = [j for j in contents.joints if contents.target and contents.target.GetPath() in ends(j)[1]]
+    moving = [j for j in contents.joints if contents.target and contents.target.GetPath() in joint_ends(j)[1]]
     if len(moving) != 1:
         problems.append((_path(contents.target), f"{len(moving)} joints move the target, not one"))
     for joint in contents.joints:
         known = {body.GetPath() for body in contents.bodies}
-        lost = [path for paths in ends(joint) for path in paths if path not in known]
+        lost = [path for paths in joint_ends(joint) for path in paths if path not in known]
         problems += [(str(joint.GetPath()), f"the joint holds {path}, which is no body") for path in lost]
     for joint in moving:
         if joint.GetTypeName() not in KINDS:
             problems.append((str(joint.GetPath()), f"a {joint.GetTypeName()} moves the target, not a slide or hinge"))
-        if not ends(joint)[0]:
+        if not joint_ends(joint)[0]:
             text = "the joint hangs on the world itself: poses stay stale in Newton 1.8; hang it on an anchor body"
             problems.append((str(joint.GetPath()), text))
         if UsdPhysics.Joint(joint).GetJointEnabledAttr().Get() is False:
@@ -323,13 +323,12 @@ def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
     site, region = (contents.target and contents.target.GetChild(key) for key in ("grasp", "region"))
     if not site or not region or not len(faces(region)):
         return Check(name, "skipped", message="requires check grasp_and_base")
-    place = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractTranslation()
+    place, orientation = world_pose(site)
     a, b, c = np.moveaxis(points(region)[faces(region)], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    away, limit = np.average((a + b + c) / 3.0, axis=0, weights=areas) - np.array(Gf.Vec3d(place)), config.site
+    away, limit = np.average((a + b + c) / 3.0, axis=0, weights=areas) - place, config.site
     if read_attribute(site, "internal", bool, False):
-        turn = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractRotationQuat()
-        away = Rotation.from_quat([*turn.GetImaginary(), turn.GetReal()]).inv().apply(away)
+        away = Rotation.from_quat(orientation).inv().apply(away)
         away, limit = away * ([1, 1, 0] if 0.0 <= away[2] <= DEEPEST else [1, 1, 1]), config.recess_site
     return at_most(
         name, float(np.linalg.norm(away)), limit, "m", prim=str(site.GetPath()),

@@ -22,9 +22,9 @@ from s2a.scene.artefacts import Artefact
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 from s2a.scene.usd import descriptive, geometric, sim_stage
 from s2a.scene.usd.descriptive import DescribedPart
-from s2a.scene.usd.joints import KINDS, joint_ends, read_joint, site_point
+from s2a.scene.usd.joints import KINDS, is_body, joint_ends, read_joint, site_point
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
-from s2a.scene.usd.stage import open_stage, read_attribute, reading
+from s2a.scene.usd.stage import open_stage, read_attribute, reading, xyzw
 
 PACKAGE = ".usdz"
 """Ending of a room with all its files in one; a scanning app's package is no room, which opening it says."""
@@ -187,7 +187,7 @@ def _prim_facts(prim: Usd.Prim) -> Iterator[str]:
 
 
 def _physics_facts(prim: Usd.Prim) -> Iterator[str]:
-    if prim.HasAPI(UsdPhysics.RigidBodyAPI):
+    if is_body(prim):
         yield "articulation root" if prim.HasAPI(UsdPhysics.ArticulationRootAPI) else "body"
     if prim.HasAPI(UsdPhysics.MassAPI):
         yield f"{UsdPhysics.MassAPI(prim).GetMassAttr().Get():.4g} kg"
@@ -216,7 +216,7 @@ def _value(value: object) -> str:
     if isinstance(value, (Gf.Vec2d, Gf.Vec3d)):
         return _numbers(value)
     if isinstance(value, Gf.Quatd):
-        return "xyzw " + _numbers((*value.GetImaginary(), value.GetReal()))
+        return "xyzw " + _numbers(xyzw(value))
     return repr(value) if isinstance(value, str) else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 

@@ -26,6 +26,7 @@ from s2a.core.errors import InputError
 from s2a.scene.scene import MAX_COORDINATE, MAX_MASS, Joint, Mesh, Motion, Part, Scene
 from s2a.scene.usd.joints import (
     KINDS,
+    is_body,
     placed,
     read_joint,
     site_point,
@@ -121,7 +122,7 @@ def _write_attributes(prim: Usd.Prim, part: Part, part_id: str, order: int) -> N
         write_attribute(prim, "parent", Types.String, part.parent)
     if part.mass is not None:
         write_attribute(prim, "mass", Types.Double, part.mass)
-        if prim.HasAPI(UsdPhysics.RigidBodyAPI):
+        if is_body(prim):
             UsdPhysics.MassAPI.Apply(prim).CreateMassAttr(part.mass)
 
 

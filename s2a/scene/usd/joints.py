@@ -200,6 +200,11 @@ def write_fixed_joint(stage: Usd.Stage, path: str, child: str) -> UsdPhysics.Fix
     return prim
 
 
+def is_body(prim: Usd.Prim) -> bool:
+    """Return True for a rigid body: a prim to which physics was applied as one, wherever it is in the stage."""
+    return bool(prim) and prim.HasAPI(UsdPhysics.RigidBodyAPI)
+
+
 def joint_ends(prim: Usd.Prim) -> tuple[list[Sdf.Path], list[Sdf.Path]]:
     """Return the paths of the bodies that a joint hangs on (none: the room itself) and that it moves."""
     joint = UsdPhysics.Joint(prim)

@@ -10,9 +10,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from s2a.core.errors import InputError
 from s2a.scene.scene import Mesh, Vec3
-from s2a.scene.usd import joints as refinement
-from s2a.scene.usd import joints as resistance
-from s2a.scene.usd.joints import KINDS, joint_ends, read_joint
+from s2a.scene.usd.joints import KINDS, is_body, joint_ends, read_joint, read_refinement, read_resistance
 from s2a.scene.usd.sim_scene import (
     PREPARE_AGAIN,
     Articulation,
@@ -25,7 +23,7 @@ from s2a.scene.usd.sim_scene import (
     SimBody,
     SimRoom,
 )
-from s2a.scene.usd.stage import ROOT, open_stage, read_attribute, read_mesh, where
+from s2a.scene.usd.stage import ROOT, open_stage, read_attribute, read_mesh, where, xyzw
 
 FLAVOUR = "simready"
 EMPTY = Mesh(np.zeros((0, 3)), np.zeros((0, 3)))
@@ -53,7 +51,7 @@ def read(path: Path, *, visuals: bool = True) -> SimRoom:
     stage = _checked(open_stage(path), path) if visuals else open_physics(path)
     root, static = stage.GetDefaultPrim(), stage.GetPrimAtPath(f"{ROOT}/static")
     joints = {prim.GetName(): prim for prim in stage.GetPrimAtPath(f"{ROOT}/joints").GetChildren()}
-    prims = {prim.GetName(): prim for prim in root.GetChildren() if prim.HasAPI(UsdPhysics.RigidBodyAPI)}
+    prims = {prim.GetName(): prim for prim in root.GetChildren() if is_body(prim)}
     bodies = {name: _body(prim) for name, prim in prims.items()}
     visual = static.GetChild("visual")
     for part in (i for i in prims if _moves(joints.get(i))):
@@ -77,13 +75,18 @@ def read(path: Path, *, visuals: bool = True) -> SimRoom:
 def _checked(stage: Usd.Stage, path: Path) -> Usd.Stage:
     """Return a stage if it is of this flavour and layout, else raise an InputError."""
     root = stage.GetDefaultPrim()
-    if read_attribute(root, "flavour", str) != FLAVOUR:
-        raise InputError(f"{path}: not a simulation-ready stage (no s2a:flavour {FLAVOUR!r}); run s2a prepare")
+    require_flavour(root, path)
     if root.GetAttribute("s2a:target"):
         raise InputError(f"{path}: holds one part, as an older s2a wrote it; {PREPARE_AGAIN}")
     if missing := [name for name in ("static", "joints") if not root.GetChild(name)]:
         raise InputError(f"{path}: {ROOT}/{missing[0]} is missing; {PREPARE_AGAIN}")
     return stage
+
+
+def require_flavour(root: Usd.Prim, path: Path) -> None:
+    """Raise an InputError unless the root prim of a stage states this flavour."""
+    if not root or root.GetAttribute("s2a:flavour").Get() != FLAVOUR:
+        raise InputError(f"{path}: not a simulation-ready stage (no s2a:flavour {FLAVOUR!r}); run s2a prepare")
 
 
 def _moves(joint: Usd.Prim | None) -> bool:
@@ -93,7 +96,7 @@ def _moves(joint: Usd.Prim | None) -> bool:
 def _body(prim: Usd.Prim) -> SimBody:
     """Read a body, its points in its own frame."""
     api = UsdPhysics.MassAPI(prim)
-    x, y, z, w = _xyzw(api.GetPrincipalAxesAttr().Get() or Gf.Quatf(1.0))
+    x, y, z, w = xyzw(api.GetPrincipalAxesAttr().Get() or Gf.Quatf(1.0))
     mass = Mass(
         _required(api.GetMassAttr()),
         tuple(_required(api.GetCenterOfMassAttr())),
@@ -144,8 +147,8 @@ def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
         friction=joint.GetAttribute("newton:friction").Get() or 0.0,
         filtered=tuple(path.name for path in pairs.GetTargets()) if pairs else (),
         notes=_strings(prim, "notes"),
-        resistance=resistance.read_resistance(joint),
-        refinement=refinement.read_refinement(prim, moved),
+        resistance=read_resistance(joint),
+        refinement=read_refinement(prim, moved),
     )
 
 
@@ -228,12 +231,7 @@ def _pose(prim: Usd.Prim) -> tuple[Vec3, Quat]:
     if not ops.keys() <= {"xformOp:translate", "xformOp:orient"}:
         ops = {"xformOp:translate": matrix.ExtractTranslation(), "xformOp:orient": matrix.ExtractRotationQuat()}
     x, y, z = ops.get("xformOp:translate", (0.0, 0.0, 0.0))
-    return (x, y, z), _xyzw(ops.get("xformOp:orient", Gf.Quatd(1.0)))
-
-
-def _xyzw(quat: Gf.Quatd | Gf.Quatf) -> Quat:
-    x, y, z = quat.GetImaginary()
-    return x, y, z, quat.GetReal()
+    return (x, y, z), xyzw(ops.get("xformOp:orient", Gf.Quatd(1.0)))
 
 
 def refuse_unphysical(path: Path) -> None:
@@ -269,7 +267,7 @@ def _check_joint(prim: Usd.Prim) -> None:
     stage = prim.GetStage()
     against, moved = joint_ends(prim)
     bodies = [stage.GetPrimAtPath(path) for path in (*moved, *against)]
-    if len(moved) != 1 or len(against) > 1 or not all(body and body.HasAPI(UsdPhysics.RigidBodyAPI) for body in bodies):
+    if len(moved) != 1 or len(against) > 1 or not all(map(is_body, bodies)):
         given = ", ".join(map(str, (*moved, *against))) or "nothing"
         raise InputError(f"{where(prim)} joins {given}; expected rigid bodies of the stage: {PREPARE_AGAIN}")
 

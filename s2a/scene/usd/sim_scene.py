@@ -245,8 +245,18 @@ def single(value: float) -> float:
 
 def in_scene(body: SimBody, mesh: Mesh) -> np.ndarray:
     """Return the vertices of a body's visual or collider at the scanned pose [m], shape [vertex 3], scene coordinates."""
-    points, (*v, w) = mesh.vertices.astype(np.float64), body.orientation
-    if v == [0.0, 0.0, 0.0]:
+    points, orientation = mesh.vertices.astype(np.float64), np.array(body.orientation)
+    if not orientation[:3].any():
         return points + body.position
-    turned = points + 2.0 * np.cross(v, np.cross(v, points) + w * points)
-    return turned + body.position
+    return rotate(orientation, points) + body.position
+
+
+def rotate(orientation: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return points rotated by unit quaternions.
+
+    Args:
+        orientation: xyzw, shape [... 4]; broadcast against `points`.
+        points: shape [... 3].
+    """
+    v, w = orientation[..., :3], orientation[..., 3:]
+    return points + 2.0 * np.cross(v, np.cross(v, points) + w * points)

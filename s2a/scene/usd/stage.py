@@ -221,6 +221,18 @@ def reading(path: Path) -> Iterator[None]:
         collected.TakeUncoalescedDiagnostics()
 
 
+def xyzw(quat: Gf.Quatd | Gf.Quatf) -> tuple[float, float, float, float]:
+    """Return a quaternion of USD as xyzw."""
+    x, y, z = quat.GetImaginary()
+    return x, y, z, quat.GetReal()
+
+
+def world_pose(prim: Usd.Prim) -> tuple[np.ndarray, tuple[float, float, float, float]]:
+    """Return where a prim is in the scene: position [m], shape [3], and orientation xyzw."""
+    matrix = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
+    return np.array(matrix.ExtractTranslation()), xyzw(matrix.ExtractRotationQuat())
+
+
 def _write_faces(mesh: UsdGeom.Mesh, faces: np.ndarray) -> None:
     """Author triangles [face 3] as they are: not a cage to subdivide, and seen from both sides."""
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(faces), 3))

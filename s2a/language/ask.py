@@ -97,13 +97,13 @@ def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int
             accepted = accept(answer.text)
         except ValidationFeedback as feedback:
             usage.add(request.step, answer, str(feedback))
-            said, request = str(feedback), request.with_feedback(answer.text, str(feedback))
+            reason, request = str(feedback), request.with_feedback(answer.text, str(feedback))
         else:
             usage.add(request.step, answer)
             return accepted
     raise InputError(
         f"model {answer.model!r} gave no usable answer to step {request.step!r} in {retries + 1} tries; the last one: "
-        f"{printable(said[:300])}; try another model, or llm=rules"
+        f"{printable(reason[:300])}; try another model, or llm=rules"
     )
 
 
@@ -128,6 +128,11 @@ def parse(text: str, kind: type[T], *, strict: bool = False) -> T:
         raise ValidationFeedback(
             f"The JSON does not fit the schema: {str(error)[:300]}. Answer with all keys as asked."
         ) from error
+
+
+def object_schema(**properties: Any) -> dict[str, Any]:
+    """Return the JSON schema of an object all of whose keys are required, as structured output wants it."""
+    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
 
 
 def without_thoughts(text: str) -> str:
@@ -173,17 +178,19 @@ class UsageLog:
             "characters": len(answer.text),
         }
         notes = {"note": answer.note, "refused": refused}
-        self.entries.append(entry | {name: said for name, said in notes.items() if said})
+        self.entries.append(entry | {name: text for name, text in notes.items() if text})
 
     def total(self) -> dict[str, Any]:
         """Return the number of calls, the tokens, seconds and US dollars of all answers."""
-        asked, said = (sum(entry[key] for entry in self.entries) for key in ("prompt_tokens", "completion_tokens"))
+        prompt, completion = (
+            sum(entry[key] for entry in self.entries) for key in ("prompt_tokens", "completion_tokens")
+        )
         return {
             "calls": len(self.entries),
-            "prompt_tokens": asked,
-            "completion_tokens": said,
+            "prompt_tokens": prompt,
+            "completion_tokens": completion,
             "seconds": round(sum(entry["seconds"] for entry in self.entries), 3),
-            "dollars": round((asked * self.prices[0] + said * self.prices[1]) / 1e6, 6),
+            "dollars": round((prompt * self.prices[0] + completion * self.prices[1]) / 1e6, 6),
         }
 
 
@@ -200,12 +207,12 @@ def tokens(text: str) -> int:
 @contextmanager
 def step(record: Record, name: str) -> Iterator[Record]:
     """Yield the record of a step and add its duration, and its `problem` if it fails."""
-    said: Record = record.setdefault(name, {})
+    result: Record = record.setdefault(name, {})
     start = time.perf_counter()
     try:
-        yield said
+        yield result
     except InputError as error:
-        said["problem"] = str(error)
+        result["problem"] = str(error)
         raise
     finally:
-        said["seconds"] = round(said.get("seconds", 0.0) + time.perf_counter() - start, 3)
+        result["seconds"] = round(result.get("seconds", 0.0) + time.perf_counter() - start, 3)

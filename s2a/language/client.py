@@ -34,18 +34,18 @@ OTHER = "recorded in this room when its measures were others"
 
 def recorder(model: Model, path: Path) -> Model:
     """Return a model that records its answers in a file and answers recorded questions from it."""
-    kept, lock = _load(path) if path.exists() else {}, Lock()
+    entries, lock = _load(path) if path.exists() else {}, Lock()
 
     def answer(request: Request) -> Answer:
-        if key(request) in kept:
-            return _answer(kept[key(request)], request, "")
-        said = model(request)
+        if key(request) in entries:
+            return _answer(entries[key(request)], request, "")
+        reply = model(request)
         about = {"step": request.step, "prompt": _hash(request.system), "about": _about(request), "gist": gist(request)}
-        tokens = {"prompt_tokens": said.prompt_tokens, "completion_tokens": said.completion_tokens}
+        tokens = {"prompt_tokens": reply.prompt_tokens, "completion_tokens": reply.completion_tokens}
         with lock, atomic_write(path) as room:
-            kept[key(request)] = {**about, "model": said.model, **tokens, "answer": _slotted(said.text, request)}
-            room.write_text(json.dumps(dict(sorted(kept.items())), indent=1, ensure_ascii=False) + "\n")
-        return said
+            entries[key(request)] = {**about, "model": reply.model, **tokens, "answer": _slotted(reply.text, request)}
+            room.write_text(json.dumps(dict(sorted(entries.items())), indent=1, ensure_ascii=False) + "\n")
+        return reply
 
     return answer
 
@@ -58,15 +58,15 @@ def recorded(path: Path) -> Model:
     Raises:
         InputError: no such recording; from the model: a question that is not recorded.
     """
-    kept = _load(path)
-    gists = {entry["gist"]: entry for entry in kept.values()}
+    entries = _load(path)
+    gists = {entry["gist"]: entry for entry in entries.values()}
 
     def answer(request: Request) -> Answer:
-        if key(request) in kept:
-            return _answer(kept[key(request)], request, "")
+        if key(request) in entries:
+            return _answer(entries[key(request)], request, "")
         if gist(request) in gists:
             return _answer(gists[gist(request)], request, OTHER)
-        raise InputError(_missing(request, kept, path))
+        raise InputError(_missing(request, entries, path))
 
     return answer
 
@@ -103,7 +103,7 @@ def _slotted(text: str, request: Request) -> str:
     slots: dict[float, str] = {}
     for number, exact in enumerate(_exact(request)):
         slots.setdefault(float(exact), _slot(number))
-    return NUMBER.sub(lambda found: slots.get(float(found[0]), found[0]), text) if slots else text
+    return NUMBER.sub(lambda match: slots.get(float(match[0]), match[0]), text) if slots else text
 
 
 def _exact(request: Request) -> list[str]:
@@ -125,17 +125,17 @@ def _about(request: Request) -> str:
     return f"{request.facts.get('label', '')}{f', try {tries + 1}' if tries else ''}"
 
 
-def _missing(request: Request, kept: dict[str, Any], path: Path) -> str:
+def _missing(request: Request, entries: dict[str, Any], path: Path) -> str:
     """Return the message for a question that is not recorded."""
-    same = [entry for entry in kept.values() if entry["step"] == request.step]
-    known = f"{path} has no answer to step {request.step!r} for {_about(request)!r}"
+    same = [entry for entry in entries.values() if entry["step"] == request.step]
+    lack = f"{path} has no answer to step {request.step!r} for {_about(request)!r}"
     if same and _hash(request.system) not in {entry["prompt"] for entry in same}:
-        return f"{known}: its prompt has changed since the recording; record again with llm=chat record={path}"
+        return f"{lack}: its prompt has changed since the recording; record again with llm=chat record={path}"
     if _about(request) in {entry["about"] for entry in same}:
         return (
-            f"{known} in this room: the room or the object has changed since; record again with llm=chat record={path}"
+            f"{lack} in this room: the room or the object has changed since; record again with llm=chat record={path}"
         )
-    return f"{known}; record it with llm=chat record={path}"
+    return f"{lack}; record it with llm=chat record={path}"
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -143,8 +143,8 @@ def _load(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{path}: no such recording; make one with llm=chat record={path}")
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        damaged = [name for name, entry in kept.items() if not _whole(entry)]
+        entries = json.loads(path.read_text(encoding="utf-8"))
+        damaged = [name for name, entry in entries.items() if not _whole(entry)]
         if damaged:
             raise ValueError(
                 f"entry {damaged[0][:40]!r} lacks one of {', '.join((*TEXTS, *COUNTS))}, or has another type"
@@ -153,7 +153,7 @@ def _load(path: Path) -> dict[str, Any]:
         raise InputError(
             f"{path}: not a recording, or a damaged one ({printable(str(error)[:200])}); make one with record=FILE"
         ) from error
-    return {name: {**entry, "answer": encodable(entry["answer"])} for name, entry in kept.items()}
+    return {name: {**entry, "answer": encodable(entry["answer"])} for name, entry in entries.items()}
 
 
 def _whole(entry: Any) -> bool:
@@ -298,17 +298,17 @@ class Chat:
             max_tokens=self._config.max_tokens,
             **more,
         ) as response:
-            found, deadline = bytearray(), time.monotonic() + self._config.timeout
+            body, deadline = bytearray(), time.monotonic() + self._config.timeout
             for piece in response.iter_bytes():  # as they come: a size would wait for as many
-                found += piece
-                if len(found) > self._config.max_response_bytes:
+                body += piece
+                if len(body) > self._config.max_response_bytes:
                     raise InputError(
                         f"model {self._config.model!r} answered more than {self._config.max_response_bytes} bytes; "
                         f"try another model, or raise llm.max_response_bytes"
                     )
                 if time.monotonic() > deadline:
                     raise self._late()
-        return bytes(found)
+        return bytes(body)
 
     def _late(self) -> InputError:
         return InputError(
@@ -326,23 +326,23 @@ class Chat:
             raise InputError(
                 f"{self._client.base_url} answered what is no chat completion: {text[:80]!r}; check OPENAI_BASE_URL"
             ) from error
-        found: dict[str, Any] = body
-        return found
+        response: dict[str, Any] = body
+        return response
 
     def _answer(self, body: dict[str, Any], request: Request, seconds: float) -> Answer:
         """Return what a response says; what is not text is nothing. Tokens that it does not tell are estimated."""
         text = body["choices"][0]["message"].get("content")
         text = encodable(text) if isinstance(text, str) else ""
-        told = body.get("usage")
-        usage = told if isinstance(told, dict) else {}
-        asked, said = (usage.get(key) for key in ("prompt_tokens", "completion_tokens"))
+        counts = body.get("usage")
+        usage = counts if isinstance(counts, dict) else {}
+        prompt, completion = (usage.get(key) for key in ("prompt_tokens", "completion_tokens"))
         estimate = tokens(request.system + "".join(message for _, message in request.messages))
         return Answer(
             text,
             self._config.model,
             seconds,
-            asked if is_count(asked) and asked else estimate,
-            said if is_count(said) and said else tokens(text),
+            prompt if is_count(prompt) and prompt else estimate,
+            completion if is_count(completion) and completion else tokens(text),
         )
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from s2a.core.config import compose, load
 from s2a.core.errors import InputError
 from s2a.language.insert.fit import NoRoom, Pose, reaching_into, swept_volumes
-from s2a.language.insert.poses import PoseConfig, Relation, place, places
+from s2a.language.insert.poses import PoseConfig, Relation, places
 from s2a.language.insert.supports import nearby, place_paper, target_plane, target_regions
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_ops import merge
@@ -30,7 +30,7 @@ def put(
     scene: Scene, thing: Mesh, target: str, relation: Relation = "on", kind: Kind = "horizontal", near=None
 ) -> Pose:
     region = target_regions(scene, target, REGIONS, (kind,))[0]
-    return place(scene, thing, region, relation, POSE, target, swept_volumes(scene), near)
+    return next(places(scene, thing, region, relation, POSE, target, swept_volumes(scene), near))
 
 
 def check(scene: Scene, thing: Mesh, pose: Pose) -> None:
@@ -81,7 +81,7 @@ def test_a_soap_goes_into_the_basin_and_not_onto_the_rim() -> None:
     scene = Scene("bathroom", {"sink_1": Part("sink", sink())})
     basin = min(target_regions(scene, "sink_1", REGIONS, ("horizontal",)), key=lambda region: region.height)
     soap = block(0.09, 0.06, 0.03)
-    pose = place(scene, soap, basin, "in", POSE, "sink_1", [])
+    pose = next(places(scene, soap, basin, "in", POSE, "sink_1", []))
     check(scene, soap, pose)
     assert pose.position[2] == pytest.approx(0.703, abs=0.004)
     assert np.abs(pose.moved(soap).vertices[:, :2]).max() < 0.2
@@ -147,9 +147,9 @@ def test_a_book_goes_into_the_shelf_compartment_that_is_high_enough() -> None:
     scene = Scene("room", {"shelf_1": Part("shelf", merge(boards))})
     low, high = sorted(target_regions(scene, "shelf_1", REGIONS, ("inside",)), key=lambda region: region.height)
     book = block(0.15, 0.03, 0.25)
-    check(scene, book, place(scene, book, low, "in", POSE, "shelf_1", []))
+    check(scene, book, next(places(scene, book, low, "in", POSE, "shelf_1", [])))
     with pytest.raises(NoRoom):
-        place(scene, book, high, "in", POSE, "shelf_1", [])
+        next(places(scene, book, high, "in", POSE, "shelf_1", []))
 
 
 def test_the_papers_rule_shifts_until_nothing_is_cut() -> None:

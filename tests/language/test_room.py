@@ -14,8 +14,9 @@ from s2a.language.insert import describe
 from s2a.language.insert.describe import RoomState
 from s2a.language.insert.fit import NoRoom, SweptVolume, heights_within
 from s2a.language.insert.settings import Inserted
-from s2a.language.insert.supports import SurfaceConfig, facing, target_regions, within
+from s2a.language.insert.supports import SurfaceConfig, facing, target_regions
 from s2a.scene.geometry.convex import halfspaces, hull
+from s2a.scene.geometry.mesh_ops import within
 from s2a.scene.geometry.occupancy import distinct_cells
 from s2a.scene.geometry.regions import Region, RegionConfig
 from s2a.scene.scene import Mesh, Part, Scene

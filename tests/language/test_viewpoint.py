@@ -7,9 +7,10 @@ import pytest
 from rough_furniture import at, block, sheet
 
 from s2a.core import config
-from s2a.language.insert.review import viewpoint, visible_fraction
+from s2a.language.insert.review import viewpoint
+from s2a.language.insert.serves import visible_fraction
 from s2a.scene.geometry.camera import OrbitCamera
-from s2a.scene.geometry.mesh_ops import sample
+from s2a.scene.geometry.mesh_ops import merge, sample
 from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh, Part, Scene
 
@@ -45,7 +46,8 @@ def test_the_object_is_seen_from_inside_the_room(case: str) -> None:
     assert (np.abs(view.eye[:2]) < 2.0).all()
     assert 0.0 < view.eye[2] < 2.5
     # A third of a box's surface is a view of two or three of its sides.
-    assert visible_fraction(scene, sample(cup, 200, seed=1), np.array([view.eye]))[0] > 0.3
+    obstacles = merge([Mesh(part.mesh.vertices, part.mesh.faces) for part in scene.parts.values()])
+    assert visible_fraction(obstacles, sample(cup, 200, seed=1), np.array([view.eye]))[0] > 0.3
     image = render([part.mesh for part in scene.parts.values()], view, CAMERA).astype(int)
     red = (image[..., 0] > 60) & (image[..., 0] > 3 * image[..., 1])  # lit, in its own colour
     assert red.mean() > 0.002

@@ -106,11 +106,11 @@ class RoomChange:
 
 def opened_by(room: SimRoom, state: RoomChange) -> dict[str, float]:
     """Return the path by which each part's grasp point stands open [m], by id; negative where it is pushed past shut."""
-    found = {}
+    paths = {}
     for part, q in state.joints.items():
         joint, point = room.articulations[part].joint, np.array(room.articulations[part].grasp.point)
-        found[part] = float(q * np.copysign(1.0, open_limit(joint)) * lever_arm(joint, point))
-    return found
+        paths[part] = float(q * np.copysign(1.0, open_limit(joint)) * lever_arm(joint, point))
+    return paths
 
 
 def at_state(room: SimRoom, state: RoomChange, without: Collection[str] = ()) -> SimRoom:

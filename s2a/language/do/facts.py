@@ -89,8 +89,8 @@ def gather(
     points = _points(room)
     hidden = _hidden(described)
     ids = [*(i for i in described if i not in hidden), *(i for i in points if i not in described)]
-    found = {i: _thing(i, room, described.get(i), points.get(i), opened, robot) for i in ids}
-    return {i: thing if thing.parent in found else _orphan(thing) for i, thing in found.items()}
+    parts = {i: _thing(i, room, described.get(i), points.get(i), opened, robot) for i in ids}
+    return {i: thing if thing.parent in parts else _orphan(thing) for i, thing in parts.items()}
 
 
 def text(facts: Facts) -> str:
@@ -112,13 +112,13 @@ def possible(facts: Facts) -> str:
 
 def _points(room: SimRoom) -> dict[str, np.ndarray]:
     """Return the corners of the hulls that stand for each part or body [point 3], scene coordinates."""
-    found: dict[str, list[np.ndarray]] = {}
+    corners: dict[str, list[np.ndarray]] = {}
     for collider in room.static_colliders:
-        found.setdefault(collider.part, []).append(np.asarray(collider.mesh.vertices, float))
+        corners.setdefault(collider.part, []).append(np.asarray(collider.mesh.vertices, float))
     for body in (*room.bodies.values(), *room.free.values()):
         for collider in body.colliders:
-            found.setdefault(body.id, []).append(in_scene(body, collider.mesh))
-    return {part: np.concatenate(points) for part, points in found.items()}
+            corners.setdefault(body.id, []).append(in_scene(body, collider.mesh))
+    return {part: np.concatenate(points) for part, points in corners.items()}
 
 
 def _hidden(described: Mapping[str, DescribedPart]) -> set[str]:

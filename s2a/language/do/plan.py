@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from s2a.core.errors import InputError, printable
-from s2a.language.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
+from s2a.language.ask import Model, Request, UsageLog, ValidationFeedback, ask, object_schema, parse
 from s2a.language.do.facts import Facts, lines, text
 from s2a.tasks.base import Task
 
@@ -119,9 +119,9 @@ def plan(
     Raises:
         InputError: no answer could be used.
     """
-    known = {"label": sentence, "sentence": sentence, "room": lines(facts), "things": facts, "skills": skills}
+    context = {"label": sentence, "sentence": sentence, "room": lines(facts), "things": facts, "skills": skills}
     question = plan_question(sentence, text(facts))
-    request = Request("skills", system(skills), (("user", question),), schema(skills), known)
+    request = Request("skills", system(skills), (("user", question),), schema(skills), context)
     if failed:
         request = request.with_feedback(json.dumps(asdict(failed.plan)), again(failed))
     return ask(model, request, lambda answer: _accepted(answer, facts, check, skills), retries, usage)
@@ -137,24 +137,24 @@ def _accepted(
     answer: str, facts: Facts, check: Callable[[SkillPlan], None], skills: Mapping[str, type[Task]]
 ) -> SkillPlan:
     """Return a plan that fits schema and room; raise ValidationFeedback for any other."""
-    found = parse(answer, SkillPlan, strict=True)
-    if bool(found.skills) == (found.refusal is not None):
+    parsed = parse(answer, SkillPlan, strict=True)
+    if bool(parsed.skills) == (parsed.refusal is not None):
         raise ValidationFeedback("Give skills and a null refusal, or no skills and a refusal.")
-    if found.refusal is not None:
-        return _tidy(found, facts)
-    if len(found.skills) > MAX_SKILLS:
-        raise ValidationFeedback(f"{len(found.skills)} skills were given; give {MAX_SKILLS} or fewer.")
-    for skill in found.skills:
+    if parsed.refusal is not None:
+        return _tidy(parsed, facts)
+    if len(parsed.skills) > MAX_SKILLS:
+        raise ValidationFeedback(f"{len(parsed.skills)} skills were given; give {MAX_SKILLS} or fewer.")
+    for skill in parsed.skills:
         _check_arguments(skill, facts, skills)
-    check(found)
-    return found
+    check(parsed)
+    return parsed
 
 
-def _tidy(found: SkillPlan, facts: Facts) -> SkillPlan:
+def _tidy(refusal: SkillPlan, facts: Facts) -> SkillPlan:
     """Return a refusal whose words can be shown in a line, and whose options are in the room."""
-    reason = " ".join(printable(found.reason).split())[:REASON].rstrip(".; ")
-    options = tuple(i for i in dict.fromkeys(found.options) if i in facts)[:OPTIONS]
-    return replace(found, reason=reason or "no reason was given", options=options)
+    reason = " ".join(printable(refusal.reason).split())[:REASON].rstrip(".; ")
+    options = tuple(i for i in dict.fromkeys(refusal.options) if i in facts)[:OPTIONS]
+    return replace(refusal, reason=reason or "no reason was given", options=options)
 
 
 def _check_arguments(skill: Skill, facts: Facts, skills: Mapping[str, type[Task]]) -> None:
@@ -208,11 +208,6 @@ Examples, for a room with a cabinet_3 of drawers drawer_4 (above) and drawer_5, 
 Answer with the JSON object alone."""
 
 
-def _object(**properties: Any) -> dict[str, Any]:
-    """Return the schema of an object all of whose keys are required."""
-    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
-
-
 ID = {"type": ["string", "null"]}
 WIDTH = 125
 """Characters of a line of the prompt."""
@@ -227,10 +222,10 @@ def system(skills: Mapping[str, type[Task]]) -> str:
 
 def schema(skills: Mapping[str, type[Task]]) -> dict[str, Any]:
     """Return the schema of an answer."""
-    return _object(
+    return object_schema(
         skills={
             "type": "array",
-            "items": _object(skill={"type": "string", "enum": list(skills)}, part=ID, object=ID, support=ID),
+            "items": object_schema(skill={"type": "string", "enum": list(skills)}, part=ID, object=ID, support=ID),
         },
         refusal={"type": ["string", "null"], "enum": ["ambiguous", "unknown", "impossible", None]},
         reason={"type": "string"},

@@ -63,22 +63,22 @@ def _under(low: RoomPart, high: RoomPart) -> bool:
     return bool((beside <= BELOW).all() and tops[0] <= tops[1] + BELOW and high.size[2] > low.size[2] / 2)
 
 
-def positioned(found: list[str], position: str, facts: Facts) -> list[str]:
+def positioned(parts: list[str], position: str, facts: Facts) -> list[str]:
     """Return those of some parts that stand in a position; all where it does not tell them apart."""
-    if len(found) < 2:
-        return found
+    if len(parts) < 2:
+        return parts
     if position in LEFT | RIGHT:
-        if not _alike(found, facts):
-            raise Unresolved("ambiguous", f"{position!r} needs fronts that face alike", found)
-        x, y = facts[found[0]].facing or (1.0, 0.0)
-        along = {i: float(np.dot(facts[i].center or (0, 0, 0), (-y, x, 0.0))) for i in found}
-        return _extreme(found, along, largest=position in RIGHT)
-    if len({_root(i, facts) for i in found}) > 1:
-        raise Unresolved("ambiguous", f"several pieces of furniture have such a part; which one's {position!r}?", found)
-    height = {i: (facts[i].center or (0, 0, 0))[2] for i in found}
+        if not _alike(parts, facts):
+            raise Unresolved("ambiguous", f"{position!r} needs fronts that face alike", parts)
+        x, y = facts[parts[0]].facing or (1.0, 0.0)
+        along = {i: float(np.dot(facts[i].center or (0, 0, 0), (-y, x, 0.0))) for i in parts}
+        return _extreme(parts, along, largest=position in RIGHT)
+    if len({_root(i, facts) for i in parts}) > 1:
+        raise Unresolved("ambiguous", f"several pieces of furniture have such a part; which one's {position!r}?", parts)
+    height = {i: (facts[i].center or (0, 0, 0))[2] for i in parts}
     if position in HIGH | LOW:
-        return _extreme(found, height, largest=position in HIGH)
-    ranks = sorted(found, key=lambda i: -height[i])
+        return _extreme(parts, height, largest=position in HIGH)
+    ranks = sorted(parts, key=lambda i: -height[i])
     levels: list[list[str]] = []
     for i in ranks:
         if levels and abs(height[levels[-1][0]] - height[i]) <= LEVEL:
@@ -87,19 +87,19 @@ def positioned(found: list[str], position: str, facts: Facts) -> list[str]:
             levels.append([i])
     rank = (len(levels) - 1) / 2 if position in MIDDLE else ORDINALS[position]
     if rank != int(rank) or rank >= len(levels):
-        raise Unresolved("unknown", f"of {len(levels)} levels none is {position!r}", found)
+        raise Unresolved("unknown", f"of {len(levels)} levels none is {position!r}", parts)
     return levels[int(rank)]
 
 
-def _extreme(found: list[str], values: dict[str, float], *, largest: bool) -> list[str]:
+def _extreme(parts: list[str], values: dict[str, float], *, largest: bool) -> list[str]:
     """Return the parts with the largest or smallest value, and those within LEVEL of it."""
-    best = (max if largest else min)(values[i] for i in found)
-    return [i for i in found if abs(values[i] - best) <= LEVEL]
+    best = (max if largest else min)(values[i] for i in parts)
+    return [i for i in parts if abs(values[i] - best) <= LEVEL]
 
 
-def _alike(found: list[str], facts: Facts) -> bool:
+def _alike(parts: list[str], facts: Facts) -> bool:
     """Return True for fronts that face in one direction, within some 25 degrees."""
-    facings = [facts[i].facing or (0.0, 0.0) for i in found]
+    facings = [facts[i].facing or (0.0, 0.0) for i in parts]
     return all(float(np.dot(facings[0], other)) > 0.9 for other in facings)
 
 
@@ -158,8 +158,8 @@ def phrase(words: str, labels: Iterable[str]) -> Phrase:
     if unread := UNREAD_NOUN.search(words):
         raise Unresolved("impossible", f"the rules do not read {unread[0]!r}; name the part by its id")
     head, context = words, ""
-    if found := re.search(rf"\s(?:{'|'.join(BETWEEN_NOUNS)})\s", words):
-        head, context = words[: found.start()], words[found.end() :]
+    if relation := re.search(rf"\s(?:{'|'.join(BETWEEN_NOUNS)})\s", words):
+        head, context = words[: relation.start()], words[relation.end() :]
     tokens = [token for token in re.findall(rf"[\w'{GLUE}-]+", head) if token not in ARTICLES]
     if context.split() and set(re.findall(r"[\w-]+", context)) <= ARTICLES | POSITIONS | {"side"}:  # "on the left"
         tokens, context = [*(t for t in context.split() if t in POSITIONS), *tokens], ""
@@ -184,22 +184,22 @@ def resolve(words: str, facts: Facts, fits: Callable[[RoomPart], bool], what: st
     exact = [i for i in facts if i.lower() in words.split()]
     if len(exact) == 1 and fits(facts[exact[0]]):
         return exact[0]
-    said = phrase(words, _labels(facts))
-    named = _named(said, facts)
+    wanted = phrase(words, _labels(facts))
+    named = _named(wanted, facts)
     if not named:
-        raise Unresolved("unknown", f"nothing in the room is called {said.noun or words!r}")
-    found = [i for i in named if fits(facts[i])] or _fitting_parts(said.noun, named, facts, fits)
-    if not found:
-        raise Unresolved("impossible", f"{said.noun!r} is nothing that {what}", named)
+        raise Unresolved("unknown", f"nothing in the room is called {wanted.noun or words!r}")
+    parts = [i for i in named if fits(facts[i])] or _fitting_parts(wanted.noun, named, facts, fits)
+    if not parts:
+        raise Unresolved("impossible", f"{wanted.noun!r} is nothing that {what}", named)
     if all_fit:
-        found = named if set(found) <= set(named) else found
-    for position in said.positions:
-        found = positioned(found, position, facts)
-    if len(found) > 1:
-        raise Unresolved("ambiguous", f"{len(found)} parts fit {words!r}", found)
-    if not fits(facts[found[0]]):
-        raise Unresolved("impossible", f"{found[0]} is nothing that {what}", found)
-    return found[0]
+        parts = named if set(parts) <= set(named) else parts
+    for position in wanted.positions:
+        parts = positioned(parts, position, facts)
+    if len(parts) > 1:
+        raise Unresolved("ambiguous", f"{len(parts)} parts fit {words!r}", parts)
+    if not fits(facts[parts[0]]):
+        raise Unresolved("impossible", f"{parts[0]} is nothing that {what}", parts)
+    return parts[0]
 
 
 def _fitting_parts(noun: str, named: list[str], facts: Facts, fits: Callable[[RoomPart], bool]) -> list[str]:
@@ -209,23 +209,23 @@ def _fitting_parts(noun: str, named: list[str], facts: Facts, fits: Callable[[Ro
     return [i for i in parts if any(facts[i].label.lower().startswith(f"{n} ") for n in nouns)] or parts
 
 
-def _named(said: Phrase, facts: Facts) -> list[str]:
+def _named(wanted: Phrase, facts: Facts) -> list[str]:
     """Return the parts that a noun names, those in its context where it has one."""
-    found = _called(said.noun, facts)
-    contexts = [said.context] if said.context else []
-    if not found and " " in said.noun:  # "desk drawer"
-        first, _, last = said.noun.rpartition(" ")
-        found, contexts = _called(last, facts), [first, *contexts]
+    parts = _called(wanted.noun, facts)
+    contexts = [wanted.context] if wanted.context else []
+    if not parts and " " in wanted.noun:  # "desk drawer"
+        first, _, last = wanted.noun.rpartition(" ")
+        parts, contexts = _called(last, facts), [first, *contexts]
     for context in contexts:
         inner = phrase(context, _labels(facts))
         around = _named(inner, facts)
         if not around:
             raise Unresolved("unknown", f"nothing in the room is called {inner.noun!r}")
-        within = [i for i in found if belongs(i, around, facts)]
-        if not within and found:
-            raise Unresolved("unknown", f"no {said.noun!r} belongs to {inner.noun!r}", found)
-        found = within
-    return found
+        within = [i for i in parts if belongs(i, around, facts)]
+        if not within and parts:
+            raise Unresolved("unknown", f"no {wanted.noun!r} belongs to {inner.noun!r}", parts)
+        parts = within
+    return parts
 
 
 def _called(noun: str, facts: Facts) -> list[str]:
@@ -233,8 +233,8 @@ def _called(noun: str, facts: Facts) -> list[str]:
     if noun in facts:
         return [noun]
     nouns, labels = _nouns(noun), {i: thing.label.lower() for i, thing in facts.items()}
-    found = [i for i, label in labels.items() if any(label == n or label.endswith(f" {n}") for n in nouns)]
-    return found or [i for i, label in labels.items() if any(label.startswith(f"{n} ") for n in nouns)]
+    parts = [i for i, label in labels.items() if any(label == n or label.endswith(f" {n}") for n in nouns)]
+    return parts or [i for i, label in labels.items() if any(label.startswith(f"{n} ") for n in nouns)]
 
 
 def _nouns(noun: str) -> set[str]:
@@ -272,10 +272,10 @@ def rules(request: Request) -> Answer:
     try:
         if len(request.messages) > 1:
             raise Unresolved("impossible", request.messages[-1][1])
-        found = SkillPlan(tuple(_skills(sentence, facts, skills)), None, "", ())
+        answer = SkillPlan(tuple(_skills(sentence, facts, skills)), None, "", ())
     except Unresolved as why:
-        found = SkillPlan((), why.kind, why.reason, why.options)  # type: ignore[arg-type]
-    return Answer(json.dumps(asdict(found)), "rules")
+        answer = SkillPlan((), why.kind, why.reason, why.options)  # type: ignore[arg-type]
+    return Answer(json.dumps(asdict(answer)), "rules")
 
 
 @dataclass
@@ -300,35 +300,35 @@ def _skills(sentence: str, facts: Facts, skills: Mapping[str, type[Task]]) -> li
     if unread := UNREAD.search(words):
         raise Unresolved("impossible", f"the rules do not read {unread[0]!r}; say one thing at a time")
     clauses = [POLITE.sub("", each.strip()) for each in re.split(r"[,;]|\.+(?:\s|$)|\band\b|\bthen\b", words)]
-    memory, found = _Memory(skills), list[Skill]()
+    memory, plan = _Memory(skills), list[Skill]()
     for clause in (TRAILING.sub("", " ".join(each.split())) for each in clauses):
         if clause and clause != "please":
-            if found and clause.split()[0] in ("the", "a", "an") and memory.verb:  # "open the window and the door"
+            if plan and clause.split()[0] in ("the", "a", "an") and memory.verb:  # "open the window and the door"
                 clause = f"{skills[memory.verb].INSTRUCTION.phrases[0]} {clause}"
-            found += _clause(clause, facts, memory)
+            plan += _clause(clause, facts, memory)
     if memory.held:
         raise Unresolved("impossible", "no skill holds an object; say where to put it")
-    if not found:
+    if not plan:
         raise Unresolved("impossible", "the sentence asks for nothing")
-    return _merged(found, skills)
+    return _merged(plan, skills)
 
 
 def _clause(clause: str, facts: Facts, memory: _Memory) -> list[Skill]:
     """Return the skills of one clause."""
-    if found := AROUND.match(clause):
-        clause = f"{'open' if found[2] in ('open', 'out') else 'close'} {found[1]}"
+    if match := AROUND.match(clause):
+        clause = f"{'open' if match[2] in ('open', 'out') else 'close'} {match[1]}"
     turns = _turns(memory.skills)
     for pattern, name in turns:
-        if found := pattern.match(clause):
+        if match := pattern.match(clause):
             memory.verb = name
-            return [_turn(found[1], name, facts, memory)]
+            return [_turn(match[1], name, facts, memory)]
     memory.verb = None
-    if found := PUT.match(clause):
-        if re.match(r"(?:me|us|him|her)\b", found[1]):
+    if match := PUT.match(clause):
+        if re.match(r"(?:me|us|him|her)\b", match[1]):
             raise Unresolved("impossible", "no skill hands an object over")
-        return [_put(re.sub(r" (?:down|away|back)(?= )", "", found[1]), facts, memory)]
-    if found := TAKE.match(clause):
-        memory.object, memory.held = resolve(found[1], facts, _is_free, "lies free", all_fit=True), True
+        return [_put(re.sub(r" (?:down|away|back)(?= )", "", match[1]), facts, memory)]
+    if match := TAKE.match(clause):
+        memory.object, memory.held = resolve(match[1], facts, _is_free, "lies free", all_fit=True), True
         return []
     if any(pattern.match(f"{clause} it") for pattern in (*(pattern for pattern, _ in turns), PUT, TAKE)):
         raise Unresolved("ambiguous", f"{clause} what?")
@@ -378,9 +378,9 @@ def _put(words: str, facts: Facts, memory: _Memory) -> Skill:
     for split in splits:
         try:
             object = _object(words[: split.start()], facts, memory)
-            found = _placed(object, split[1], words[split.end() :].strip(), facts, memory)
+            skill = _placed(object, split[1], words[split.end() :].strip(), facts, memory)
             memory.moved.add(object)
-            return found
+            return skill
         except Unresolved as why:
             first = first or why
     raise first or Unresolved("impossible", "nothing was read")

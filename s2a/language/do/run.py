@@ -112,8 +112,8 @@ class Checker:
         """Return a part that moves on a joint, and hangs on nothing that is open."""
         part = self._facts[name or ""]
         if not part.moves:
-            known = ", ".join(i for i, thing in self._facts.items() if thing.moves)
-            raise ValidationFeedback(f"{part.id!r} does not open; what opens: {known or 'nothing'}.")
+            names = ", ".join(i for i, thing in self._facts.items() if thing.moves)
+            raise ValidationFeedback(f"{part.id!r} does not open; what opens: {names or 'nothing'}.")
         for carrier in self._room.carriers(part.id):
             if self._is_open.get(carrier):
                 raise ValidationFeedback(
@@ -125,9 +125,9 @@ class Checker:
         """Return an object that lies free, and not in a shut part."""
         object = self._facts[name or ""]
         if object.kind != "free":
-            known = ", ".join(i for i, thing in self._facts.items() if thing.kind == "free")
+            names = ", ".join(i for i, thing in self._facts.items() if thing.kind == "free")
             raise ValidationFeedback(
-                f"{object.id!r} is not free: the room was prepared with it fixed; free are: {known or 'none'}."
+                f"{object.id!r} is not free: the room was prepared with it fixed; free are: {names or 'none'}."
             )
         inside = self._on[object.id]
         if inside is not None and self._is_open.get(inside) is False:
@@ -205,10 +205,10 @@ def make_plan(
     """
     state = state or RoomChange()
     room = episode.at_state(context.room, state)
-    known = fact.gather(room, context.described, episode.opened_by(context.room, state), context.robot)
-    check = Checker(room, known, context.robot, context.opening, context.skills)
-    found = plan(model, sentence, known, check, retries, usage, context.skills, failed)
-    return found, check.passed if found.skills else [], fact.possible(known)
+    facts = fact.gather(room, context.described, episode.opened_by(context.room, state), context.robot)
+    check = Checker(room, facts, context.robot, context.opening, context.skills)
+    answer = plan(model, sentence, facts, check, retries, usage, context.skills, failed)
+    return answer, check.passed if answer.skills else [], fact.possible(facts)
 
 
 def do(
@@ -234,35 +234,35 @@ def do(
     Raises:
         InputError: the first plan is a refusal, or no answer could be used; nothing has been executed.
     """
-    found, passed, possible = make_plan(context, sentence, model, retries, usage)
-    if found.refusal:
-        raise refused(sentence, found, possible)
-    result, state = Result([{**asdict(found), "checks": passed}]), RoomChange()
+    answer, passed, possible = make_plan(context, sentence, model, retries, usage)
+    if answer.refusal:
+        raise refused(sentence, answer, possible)
+    result, state = Result([{**asdict(answer), "checks": passed}]), RoomChange()
     for left in range(replans, -1, -1):
         if execute is None:
             return result
-        state, failed = _run(found, state, execute, result)
+        state, failed = _run(answer, state, execute, result)
         result.problem = failed.reason if failed else ""
         if failed is None or not left:
             return result
         try:
-            found, passed, _ = make_plan(context, sentence, model, retries, usage, state, failed)
+            answer, passed, _ = make_plan(context, sentence, model, retries, usage, state, failed)
         except InputError as error:
             result.problem += f" {error}"
             return result
-        result.plans.append({**asdict(found), "checks": passed})
-        if found.refusal:
-            result.problem += f" No other plan: {found.reason}"
+        result.plans.append({**asdict(answer), "checks": passed})
+        if answer.refusal:
+            result.problem += f" No other plan: {answer.reason}"
             return result
     return result
 
 
-def _run(found: SkillPlan, state: RoomChange, execute: Execute, result: Result) -> tuple[RoomChange, Failure | None]:
+def _run(answer: SkillPlan, state: RoomChange, execute: Execute, result: Result) -> tuple[RoomChange, Failure | None]:
     """Execute a plan until a skill fails; return the state of the room then, and the failure."""
-    for done, skill in enumerate(found.skills):
+    for done, skill in enumerate(answer.skills):
         outcome = execute(skill, state, len(result.skills) + 1)
         state = outcome.state
         result.skills.append(outcome.record)
         if not outcome.success:
-            return state, Failure(found, done, outcome.reason)
+            return state, Failure(answer, done, outcome.reason)
     return state, None

@@ -50,12 +50,12 @@ def _copy(prim: Usd.Prim, layer: Sdf.Layer) -> None:
     """Write a prim's type, transform and short attributes into a layer."""
     spec = Sdf.CreatePrimInLayer(layer, prim.GetPath())
     spec.specifier, spec.typeName = Sdf.SpecifierDef, prim.GetTypeName()
-    kept = [attribute for name in KEPT if (attribute := prim.GetAttribute(name)).HasAuthoredValue()]
+    attributes = [attribute for name in KEPT if (attribute := prim.GetAttribute(name)).HasAuthoredValue()]
     if prim.IsA(UsdGeom.Xformable):
         order = UsdGeom.Xformable(prim).GetXformOpOrderAttr()
-        kept += [order] if order.HasAuthoredValue() else []
-        kept += [op.GetAttr() for op in UsdGeom.Xformable(prim).GetOrderedXformOps()]
-    for attribute in kept:
+        attributes += [order] if order.HasAuthoredValue() else []
+        attributes += [op.GetAttr() for op in UsdGeom.Xformable(prim).GetOrderedXformOps()]
+    for attribute in attributes:
         kind = attribute.GetTypeName()
         copy = Sdf.AttributeSpec(spec, attribute.GetName(), kind, attribute.GetVariability(), attribute.IsCustom())
         copy.default = attribute.Get()
@@ -200,13 +200,13 @@ def _read_list(path: Path) -> list[tuple[str, str]]:
         entries = yaml.safe_load(path.read_text(encoding="utf-8"))
         if not isinstance(entries, list):
             raise TypeError("it is no list")
-        found = [(_words(entry["object"]), _words(entry["label"])) for entry in entries]
+        objects = [(_words(entry["object"]), _words(entry["label"])) for entry in entries]
     except (OSError, yaml.YAMLError, TypeError, KeyError, ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())[:300]
         raise InputError(f"{path}: not a list of {{object: FILE, label: WORDS}} ({reason})") from error
-    if not found:
+    if not objects:
         raise InputError(f"{path} lists no object")
-    return found
+    return objects
 
 
 def _words(value: object) -> str:
@@ -216,12 +216,14 @@ def _words(value: object) -> str:
     return str(value)
 
 
-def _write(found: list[Inserted], records: list[Record], room: RoomState, settings: InsertSettings, out: Path) -> None:
+def _write(
+    objects: list[Inserted], records: list[Record], room: RoomState, settings: InsertSettings, out: Path
+) -> None:
     """Write the layer, the objects' files, the descriptive stage and the record."""
     (out / "objects").mkdir(parents=True)
     added = Sdf.Layer.CreateAnonymous(".usda")
     Sdf.CreatePrimInLayer(added, "/scene")
-    for one in found:
+    for one in objects:
         write_object(one.mesh, out / one.placement.reference)
         path = f"/scene/{one.placement.part_id}"
         Sdf.CopySpec(one.layer, path, added, path)

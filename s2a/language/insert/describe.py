@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from s2a.language.insert.fit import NoRoom, swept_volumes
 from s2a.language.insert.plan import Plan
-from s2a.language.insert.supports import SurfaceConfig, is_basin, target_mesh, target_regions
+from s2a.language.insert.supports import SurfaceConfig, is_basin, over, target_mesh, target_regions
 from s2a.scene.geometry.mesh_ops import normals
 from s2a.scene.geometry.regions import Region, RegionConfig
 from s2a.scene.scene import Joint, Mesh, Scene
@@ -44,7 +44,7 @@ def wall_line(scene: Scene, part_id: str) -> dict[str, Any]:
         return {}
     along = np.array([np.cos(turn), np.sin(turn)])
     across = np.array([-along[1], along[0]])
-    found: list[tuple[float, float, str, bool]] = []
+    neighbours: list[tuple[float, float, str, bool]] = []
     for other, part in scene.parts.items():
         if other == part_id or _is_no_thing(scene, other):
             continue
@@ -55,10 +55,10 @@ def wall_line(scene: Scene, part_id: str) -> dict[str, Any]:
         first, last = max(-half, float(span.min())), min(half, float(span.max()))
         if gap <= ALONG and last - first > 0.02:
             low, high = points[:, 2].min(), points[:, 2].max()
-            found.append((first, last, other, bool(low < BAND[1] and high > BAND[0])))
-    found.sort(key=lambda one: (one[0] + one[1]) / 2)
-    free = _gaps([one[:2] for one in found if one[3]], half)
-    return {"along": [one[2] for one in found]} | ({"free": free} if free else {})
+            neighbours.append((first, last, other, bool(low < BAND[1] and high > BAND[0])))
+    neighbours.sort(key=lambda one: (one[0] + one[1]) / 2)
+    free = _gaps([one[:2] for one in neighbours if one[3]], half)
+    return {"along": [one[2] for one in neighbours]} | ({"free": free} if free else {})
 
 
 def _is_no_thing(scene: Scene, part_id: str) -> bool:
@@ -71,12 +71,12 @@ def _is_no_thing(scene: Scene, part_id: str) -> bool:
 
 def _gaps(taken: list[tuple[float, float]], half: float) -> list[float]:
     """Return the widths of what some intervals leave of a wall from -half to half [m], the widest first."""
-    at, found = -half, []
+    at, widths = -half, []
     for first, last in sorted(taken):
-        found.append(first - at)
+        widths.append(first - at)
         at = max(at, last)
-    found.append(half - at)
-    return sorted((round(float(gap), 1) for gap in found if gap >= NARROW), reverse=True)[:WALL_COUNT]
+    widths.append(half - at)
+    return sorted((round(float(gap), 1) for gap in widths if gap >= NARROW), reverse=True)[:WALL_COUNT]
 
 
 Supports = dict[str, list[Region]]
@@ -238,20 +238,14 @@ def _carrier(scene: Scene, part_id: str, box: Box, supports: Supports) -> str | 
     """Return the id of the part that a part stands on."""
     if scene.parts[part_id].parent is not None:
         return None
-    foot = np.array([[box.center[0], box.center[1], box.center[2] - box.size[2] / 2]])
+    foot = np.array([*box.center[:2], box.center[2] - box.size[2] / 2])
     for other, regions in supports.items():
-        if other != part_id and any(_stands_on(foot, region) for region in regions):
+        # The object hid the support from the scanner: the outline counts, not the cells.
+        if other != part_id and any(
+            abs(region.places(foot[None])[0, 2]) < NEAR and over(region, foot) for region in regions
+        ):
             return other
     return None
-
-
-def _stands_on(foot: np.ndarray, region: Region) -> bool:
-    (row, column, above) = region.places(foot)[0]
-    rows, columns = region.support.shape
-    if not (abs(above) < NEAR and 0 <= row < rows and 0 <= column < columns):
-        return False
-    # The object hid the support from the scanner: the outline counts, not the cells.
-    return True
 
 
 def _two_digits(value: float) -> float:

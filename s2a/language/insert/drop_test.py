@@ -32,21 +32,21 @@ def near(support: Mesh, bounds: np.ndarray, reach: float) -> np.ndarray:
     """
     triangles = support.vertices[support.faces].astype(np.float64)
     low, high = triangles.min(axis=1), triangles.max(axis=1)
-    found = np.zeros(len(triangles), bool)
+    meets = np.zeros(len(triangles), bool)
     for first, last in bounds:
-        found |= ((low <= last + reach) & (high >= first - reach)).all(axis=1)
-    return triangles[found & (support.face_areas > 1e-8)]
+        meets |= ((low <= last + reach) & (high >= first - reach)).all(axis=1)
+    return triangles[meets & (support.face_areas > 1e-8)]
 
 
 def close(triangles: np.ndarray, hulls: Sequence[Mesh]) -> np.ndarray:
     """Return which triangles matter as long as the hulls hardly move, shape [face]."""
     along = triangles @ SIDES.T
     low, high = along.min(axis=1), along.max(axis=1)
-    found = np.zeros(len(triangles), bool)
+    meets = np.zeros(len(triangles), bool)
     for hull in hulls:
         own = hull.vertices @ SIDES.T
-        found |= ((low <= own.max(axis=0) + CLOSE) & (high >= own.min(axis=0) - CLOSE)).all(axis=1)
-    return found
+        meets |= ((low <= own.max(axis=0) + CLOSE) & (high >= own.min(axis=0) - CLOSE)).all(axis=1)
+    return meets
 
 
 def model(hulls: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, config: DropTestConfig) -> mujoco.MjModel:
@@ -172,11 +172,11 @@ def drop_test(
         return _hangs(hulls, triangles, center, np.asarray(hangs_on, float), config)
     radius = float(np.linalg.norm(bounds[:, 1].max(axis=0) - center))
     few = triangles[close(triangles, hulls)]
-    found = _dropped(model(hulls, few, center, config), radius, CLOSE - config.thickness, config)
-    if found is None:
-        found = _dropped(model(hulls, triangles, center, config), radius, np.inf, config)
-    assert found is not None  # nothing moves farther than infinitely far
-    return found if found.rest is None else replace(found, rest={"about": center.tolist(), **found.rest})
+    result = _dropped(model(hulls, few, center, config), radius, CLOSE - config.thickness, config)
+    if result is None:
+        result = _dropped(model(hulls, triangles, center, config), radius, np.inf, config)
+    assert result is not None  # nothing moves farther than infinitely far
+    return result if result.rest is None else replace(result, rest={"about": center.tolist(), **result.rest})
 
 
 def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: DropTestConfig) -> DropTestResult | None:
@@ -260,10 +260,10 @@ def _hangs(
     gaps = (wall @ toward).min(axis=1) - max(float((hull.vertices @ toward).max()) for hull in hulls)
     wall = wall[np.argsort(gaps, kind="stable")]
     for count in (max(FIRST_TRIANGLES, int((gaps <= 0).sum())), len(wall)):
-        found = _attached(model(hulls, wall[:count], center, config), toward, config)
-        if found.stays or found.penetration > config.penetration or count >= len(wall):
+        result = _attached(model(hulls, wall[:count], center, config), toward, config)
+        if result.stays or result.penetration > config.penetration or count >= len(wall):
             break
-    return found
+    return result
 
 
 def _attached(built: mujoco.MjModel, toward: np.ndarray, config: DropTestConfig) -> DropTestResult:

@@ -11,7 +11,7 @@ from s2a.core.errors import InputError
 from s2a.language.sandbox.diff import ORIENTATION, POSITION
 from s2a.scene.geometry.convex import halfspaces, sweep
 from s2a.scene.geometry.mesh_ops import merge, sample
-from s2a.scene.geometry.mesh_query import RayMesh, crossing, depth, inside, ray_mesh, visible_distance
+from s2a.scene.geometry.mesh_query import crossing, depth, inside, kept_ray_mesh, visible_distance
 from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Mesh, Scene, Vec3
 
@@ -33,12 +33,12 @@ class SweptVolume:
 
 def swept_volumes(scene: Scene) -> list[SweptVolume]:
     """Return the swept volumes of all articulated parts of a scene."""
-    found = []
+    volumes = []
     for part_id in scene.movable:
         mesh = merge([Mesh(scene.parts[i].mesh.vertices, scene.parts[i].mesh.faces) for i in scene.members(part_id)])
         if len(mesh.faces):
-            found += [SweptVolume(part_id, piece, halfspaces(piece)) for piece in sweep(mesh, scene.joint(part_id))]
-    return found
+            volumes += [SweptVolume(part_id, piece, halfspaces(piece)) for piece in sweep(mesh, scene.joint(part_id))]
+    return volumes
 
 
 def reaching_into(
@@ -53,7 +53,7 @@ def reaching_into(
         scene: the room.
         carrier: id of the part that carries the object; it and its ancestors move along and do not count.
     """
-    carriers = _carriers(scene, carrier)
+    carriers = () if carrier is None else (carrier, *scene.ancestors(carrier))
     return [
         volume
         for volume in volumes
@@ -107,15 +107,6 @@ def fill(layers: np.ndarray, edges: np.ndarray, region: Region, pad: int, volume
         layer[tuple(cells[inside].T)] = True
 
 
-def _carriers(scene: Scene, part_id: str | None) -> set[str]:
-    """Return a part and its ancestors."""
-    found: set[str] = set()
-    while part_id is not None:
-        found.add(part_id)
-        part_id = scene.parts[part_id].parent
-    return found
-
-
 DEEP = 0.0005
 """Penetration depth from which an object is inside another [m]: half of what an insertion may collide."""
 COLLISION = "collide"
@@ -155,6 +146,10 @@ class Pose:
     def yaw(self) -> float:
         """Rotation about z [rad]."""
         return float(Rotation.from_quat(self.quaternion).as_euler("zyx")[0])
+
+    def shifted(self, by: np.ndarray) -> Pose:
+        """Return the pose moved by a vector [m]."""
+        return replace(self, position=tuple((np.array(self.position) + by).tolist()))
 
     def rounded(self) -> Pose:
         """Return the pose rounded to the digits of a script."""
@@ -204,15 +199,9 @@ def moved_into_contact(
     if not len(local.faces):
         return None
     points = np.concatenate([moved.vertices, sample(moved, 2000, seed=0)])
-    there, _ = visible_distance(rays(local), points, toward, reach)
-    back, _ = visible_distance(rays(moved), local.vertices, -toward, reach)
+    there, _ = visible_distance(kept_ray_mesh(local), points, toward, reach)
+    back, _ = visible_distance(kept_ray_mesh(moved), local.vertices, -toward, reach)
     distance = float(min(there.min(), back.min()))
     if distance >= reach:
         return None
-    position = np.array(pose.position) + (distance - gap) * toward
-    return replace(pose, position=tuple(position.tolist()))
-
-
-def rays(mesh: Mesh) -> RayMesh:
-    """Return a mesh for ray queries."""
-    return ray_mesh(mesh.vertices, mesh.faces)
+    return pose.shifted((distance - gap) * toward)

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from s2a.core.bounds import Count, Positive
 from s2a.core.errors import InputError
-from s2a.language.insert.stable_pose import AXES, leans_forward, settled_axis
+from s2a.language.insert.stable_pose import AXES, grid_over, leans_forward, settled_axis
 from s2a.scan import source as mesh_files
 from s2a.scan.bake import bake
 from s2a.scan.source import SourceMesh
@@ -39,15 +39,15 @@ def painted(source: SourceMesh, budget: int) -> Shape:
     plain = bake(source, np.inf)
     if np.isnan(source.colors).all() and not source.materials:
         return plain.vertices, plain.faces, None
-    found, parts = plain, float(COARSEST)
+    mesh, parts = plain, float(COARSEST)
     side = float(np.ptp(source.vertices[source.faces].reshape(-1, 3), axis=0).max())
     textured = any(material.texture is not None for material in source.materials)
-    while textured and len(found.faces) <= budget and parts <= FINEST:
+    while textured and len(mesh.faces) <= budget and parts <= FINEST:
         finer = bake(source, side / parts)
         if len(finer.faces) > budget:
             break
-        found, parts = finer, parts * STEP
-    return found.vertices, found.faces, found.colors
+        mesh, parts = finer, parts * STEP
+    return mesh.vertices, mesh.faces, mesh.colors
 
 
 STAGES = (".usd", ".usda", ".usdc", ".usdz")
@@ -195,10 +195,6 @@ def _lighter(mesh: Mesh, config: ObjectConfig) -> Mesh:
     return Mesh(less.vertices, less.faces, colors)
 
 
-GRID = 24
-"""Rays along a side of the grid, at each end."""
-
-
 def colour_spread(mesh: Mesh) -> dict[str, float]:
     """Return for each axis, "+x" to "-z", the spread of the colours seen from there, 0 to 255; empty without colours.
 
@@ -216,14 +212,8 @@ def colour_spread(mesh: Mesh) -> dict[str, float]:
 
 def _seen(tree: object, sides: np.ndarray, axis: np.ndarray) -> np.ndarray:
     """Return the faces that rays against an axis meet first, shape [hit]."""
-    up = int(np.abs(axis).argmax())
-    across = [i for i in range(3) if i != up]
-    middles = (np.stack(np.meshgrid(*[np.arange(GRID)] * 2), axis=-1).reshape(-1, 2) + 0.5) / GRID
-    start = np.empty((len(middles), 3))
-    start[:, across] = middles * sides[across]
-    start[:, up] = sides[up] if axis[up] > 0 else 0.0
-    start += 0.1 * axis
-    reach = float(sides[up]) + 0.2
+    start = grid_over(np.zeros(3), sides, axis) + 0.1 * axis
+    reach = float(np.abs(axis) @ sides) + 0.2
     distance, _ = visible_distance(tree, start, -axis, reach)
     hit = distance < reach
     face, _ = nearest_faces(tree, start[hit] - distance[hit, None] * axis)

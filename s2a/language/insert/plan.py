@@ -276,8 +276,8 @@ def plan(
     request = Request("plan", prompts.PLAN, (("user", prompts.plan_question(facts, room)),), prompts.PLAN_SCHEMA, facts)
     if failed:
         tried = [(choice.target, choice.height) for choice in failed.plan.choices]
-        known = {**facts, "tried": tried, "tried_up": failed.plan.up, "unstable": failed.unstable}
-        request = replace(request, facts=known).with_feedback(
+        context = {**facts, "tried": tried, "tried_up": failed.plan.up, "unstable": failed.unstable}
+        request = replace(request, facts=context).with_feedback(
             json.dumps(failed.plan.said()), f"{failed.reason}. Think of other places, or of another up axis."
         )
     return ask(model, request, lambda text: checked(parse(text, Plan), scene), retries, usage)
@@ -327,8 +327,8 @@ def _check_axes(answer: Plan) -> None:
 
 def _unknown(part_id: str, scene: Scene) -> str:
     """Return the feedback on an unknown part."""
-    known = list(scene.parts)[:LISTED]
-    return f"There is no {part_id[:60]!r} in the room{nearest(part_id[:60], known)}. All ids: {', '.join(known)}."
+    ids = list(scene.parts)[:LISTED]
+    return f"There is no {part_id[:60]!r} in the room{nearest(part_id[:60], ids)}. All ids: {', '.join(ids)}."
 
 
 SINGLE = (

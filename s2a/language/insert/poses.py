@@ -130,10 +130,11 @@ def _touching(query: ContactQuery, candidate: GridCandidate, number: int, lean: 
         # The search found room for it upright; its top is not to begin in the wall.
         forward = turn @ np.array([1.0, 0.0, 0.0]) * (1.0, 1.0, 0.0)
         away = float(np.ptp(object.bounds[:, 2])) * float(np.sin(LEAN)) * forward / np.linalg.norm(forward)
-        start = replace(start, position=tuple((np.array(start.position) + away).tolist()))
+        start = start.shifted(away)
     against = query.relation == "against"
     reach = config.slide if against else 2 * config.lowering_height
-    local = nearby(scene, *_grown(start.moved(object).bounds, reach + 0.01))
+    margin = np.array([[-1.0], [1.0]]) * (reach + 0.01)
+    local = nearby(scene, *(start.moved(object).bounds + margin))
     pose = moved_into_contact(start, object, local, toward, 2 * config.lowering_height, config.contact_gap)
     if pose is None:
         return start, "carry nothing"
@@ -147,7 +148,7 @@ def _touching(query: ContactQuery, candidate: GridCandidate, number: int, lean: 
         if conflict != COLLISION:
             break
         # Between two edges the distance may be shorter than from any point that was queried.
-        pose = replace(pose, position=tuple((np.array(pose.position) - config.contact_gap * toward).tolist()))
+        pose = pose.shifted(-config.contact_gap * toward)
     return pose, conflict
 
 
@@ -157,8 +158,7 @@ def _slid_back(query: ContactQuery, pose: Pose, local: Mesh, turn: np.ndarray, g
     A wall behind a chest of drawers may be beyond the edge of that: what slides back stops before it drops.
     """
     # Off the floor, over whose bumps it would stumble.
-    up = np.array([0.0, 0.0, query.config.lowering_height])
-    lifted = replace(pose, position=tuple((np.array(pose.position) + up).tolist()))
+    lifted = pose.shifted(np.array([0.0, 0.0, query.config.lowering_height]))
     back = turn @ np.array([-1.0, 0.0, 0.0]) * (1.0, 1.0, 0.0)
     behind = moved_into_contact(lifted, query.object, local, back / np.linalg.norm(back), query.config.slide, gap)
     if behind is None:
@@ -188,28 +188,10 @@ def _turn(region: Region, base: np.ndarray, turn: float) -> np.ndarray:
     return Rotation.from_euler("z", yaw).as_matrix()
 
 
-def _grown(bounds: np.ndarray, margin: float) -> np.ndarray:
-    return bounds + np.array([[-margin], [margin]])
-
-
 DENSE, MOST_SAMPLES = 6.0, 60000
 """Points a cell of a large object's surface in the second search, and their largest number."""
 MOST_FAULTY = 16
 """Faulty poses after which none without fault is looked for any more."""
-
-
-def place(
-    scene: Scene,
-    object: Mesh,
-    region: Region,
-    relation: Relation,
-    config: PoseConfig,
-    target: str,
-    volumes: list[SweptVolume],
-    near: str | None = None,
-) -> Pose:
-    """Return the best pose of an object on a region: the first of `places`."""
-    return next(places(scene, object, region, relation, config, target, volumes, near))
 
 
 def places(
@@ -258,25 +240,25 @@ def places(
     searches = [(config.search, config.min_spacing, keep), (_denser(object, region, config), 0.0, keep)]
     if serves and serves.fixtures:
         searches.insert(0, (config.search, config.min_spacing, serves.clear_of_fixtures(object, keep)))
-    for search, spacing, kept in searches:
-        found = grid_candidates(grid, region, object, base, wanted, search, kept)
-        if not (found or conflicts) and kept is keep:
+    for search, spacing, allowed in searches:
+        candidates = grid_candidates(grid, region, object, base, wanted, search, allowed)
+        if not (candidates or conflicts) and allowed is keep:
             raise NoRoom(_why(region, object))
-        free = _free(query, _spread(found, max(2.0, spacing * radius / region.cell), config.attempts), conflicts)
+        free = _free(query, _spread(candidates, max(2.0, spacing * radius / region.cell), config.attempts), conflicts)
         poses = _serving_first(free, object, serves)
         first = next(poses, None)
         if first is not None:
             yield first
             yield from itertools.islice(poses, config.alternatives - 1)
             return
-    worst = max(set(conflicts), key=conflicts.count)
+    worst = max(conflicts, key=conflicts.count)
     raise NoRoom(f"none of {len(conflicts)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
 
 
 def _to_all_walls(turns: tuple[float, ...]) -> tuple[float, ...]:
     """Return turns [degree] from each of the four sides of a floor: furniture faces the room from a wall on any."""
-    found = {(turn + side + 180.0) % 360.0 - 180.0 for turn in turns for side in (0.0, 90.0, 180.0, 270.0)}
-    return tuple(sorted(found, key=abs))
+    yaws = {(turn + side + 180.0) % 360.0 - 180.0 for turn in turns for side in (0.0, 90.0, 180.0, 270.0)}
+    return tuple(sorted(yaws, key=abs))
 
 
 def _denser(object: Mesh, region: Region, config: PoseConfig) -> SearchConfig:
@@ -285,9 +267,9 @@ def _denser(object: Mesh, region: Region, config: PoseConfig) -> SearchConfig:
     return replace(config.search, samples=int(min(DENSE * cells + config.search.samples, MOST_SAMPLES)))
 
 
-def _free(query: ContactQuery, found: Iterable[GridCandidate], conflicts: list[str]) -> Iterator[Pose]:
+def _free(query: ContactQuery, candidates: Iterable[GridCandidate], conflicts: list[str]) -> Iterator[Pose]:
     """Yield the free poses among candidates; append the conflicts of the others."""
-    for number, candidate in enumerate(found, start=1):
+    for number, candidate in enumerate(candidates, start=1):
         pose, conflict = refined(query, candidate, number)
         if conflict is None:
             yield pose
@@ -329,9 +311,9 @@ def _box(region: Region, radius: float, height: float) -> tuple[np.ndarray, np.n
     return corners.min(axis=0) - radius - 0.05, corners.max(axis=0) + radius + 0.05
 
 
-def _spread(found: list[GridCandidate], apart: float, count: int) -> Iterator[GridCandidate]:
+def _spread(candidates: list[GridCandidate], apart: float, count: int) -> Iterator[GridCandidate]:
     """Yield candidates best first, some cells apart from all earlier ones: what failed there fails next to it, too."""
-    left, places = found, np.array([one.place for one in found])
+    left, places = candidates, np.array([one.place for one in candidates])
     for _ in range(count):
         if not left:
             return
@@ -427,8 +409,8 @@ def _on_regions(
     """Yield the candidate poses on the regions of a choice; a table below a lamp may count as "inside", too."""
     scene, target = room.scene, choice.target
     upright = choice.surface == "vertical"
-    found = target_regions(scene, target, surface.regions, ("vertical",)) if upright else room.levels(target)
-    regions = _ordered(found, choice)
+    candidates = target_regions(scene, target, surface.regions, ("vertical",)) if upright else room.levels(target)
+    regions = _ordered(candidates, choice)
     if not regions:
         raise NoRoom(f"it has no {choice.surface} surface")
     for region in regions[:TRIED]:
@@ -438,9 +420,9 @@ def _on_regions(
                 plane = Plane(region.normal, float(region.normal @ region.center), np.arange(len(points)))
                 yield _on_plane(scene, object, plane, points, choice, pose, "regions")
                 continue
-            said = _model_line(region, choice)
+            line = _model_line(region, choice)
             for where in places(scene, object, region, choice.relation, pose, target, room.volumes, plan.near, keep):
-                yield CandidatePose(target, choice, region.normal, where, said)
+                yield CandidatePose(target, choice, region.normal, where, line)
         except NoRoom as error:
             reasons.append(f"{choice.relation} {target}: {error}")
 
@@ -449,14 +431,14 @@ def _on_plane(
     scene: Scene, object: Mesh, plane: Plane, points: np.ndarray, choice: Choice, pose: PoseConfig, method: str
 ) -> CandidatePose:
     """Return the baseline's candidate pose on a plane with its points [point 3]."""
-    found = place_paper(scene, object, plane, points, pose.paper)
+    where = place_paper(scene, object, plane, points, pose.paper)
     described = {
         "method": method,
         "target": choice.target,
         "height": round(float(points[:, 2].mean()), 4),
         "points": len(points),
     }
-    return CandidatePose(choice.target, choice, plane.normal, found, described)
+    return CandidatePose(choice.target, choice, plane.normal, where, described)
 
 
 def _ordered(regions: list[Region], choice: Choice) -> list[Region]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from pxr import Sdf
 
+from s2a.language.ask import object_schema
 from s2a.language.sandbox.diff import ORIENTATION, POSITION, TAXONOMY, Placement
 from s2a.language.sandbox.jail import STAGE, Sandbox
 from s2a.language.sandbox.policy import check
@@ -212,24 +213,19 @@ Example. {{"id":"coffee_mug_41","label":"coffee mug","reference":"objects/coffee
 Answer with the script alone, without explanations."""
 
 
-def _object(**properties: Any) -> dict[str, Any]:
-    """Return the schema of an object all of whose keys are required, as structured output wants it."""
-    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
-
-
 PLACES = ("left", "right", "front", "behind", "above", "between", "back edge", "front edge", "corner", "middle")
 """Relations of a plan to things of the room."""
 AXIS = {"type": "string", "enum": ["+x", "-x", "+y", "-y", "+z", "-z"]}
 SPAN = {"type": "array", "items": {"type": "number"}, "description": "least and largest"}
 TEXT = {"type": "string"}
 
-PLAN_SCHEMA = _object(
+PLAN_SCHEMA = object_schema(
     up=AXIS,
     front=AXIS,
     near={"type": ["string", "null"]},
     choices={
         "type": "array",
-        "items": _object(
+        "items": object_schema(
             target=TEXT,
             surface={"type": "string", "enum": ["horizontal", "vertical", "inside"]},
             relation={"type": "string", "enum": ["on", "in", "against", "hanging"]},
@@ -239,16 +235,16 @@ PLAN_SCHEMA = _object(
     },
     place={
         "type": "array",
-        "items": _object(
+        "items": object_schema(
             relation={"type": "string", "enum": list(PLACES)}, of={"type": "array", "items": {"type": "string"}}
         ),
     },
     declined=TEXT,
 )
 
-REVIEW_SCHEMA = _object(right={"type": "boolean"}, problem=TEXT)
+REVIEW_SCHEMA = object_schema(right={"type": "boolean"}, problem=TEXT)
 
-SCALE_SCHEMA = _object(
+SCALE_SCHEMA = object_schema(
     noun=TEXT,
     height=SPAN,
     longest=SPAN,

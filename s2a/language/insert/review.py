@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 from s2a.language.ask import Model, Record, Request, UsageLog, ask, parse
 from s2a.language.insert import prompts
 from s2a.language.insert.search import floor_height
+from s2a.language.insert.serves import visible_fraction
 from s2a.language.insert.settings import Inserted, InsertSettings
+from s2a.language.insert.supports import bounds_of
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera
 from s2a.scene.geometry.mesh_ops import merge, sample
-from s2a.scene.geometry.mesh_query import ray_mesh, visible_distance
 from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh, Scene
 
@@ -48,24 +49,12 @@ def viewpoint(scene: Scene, object: Mesh, front: np.ndarray, camera: OrbitCamera
     eyes, nearness, facing = _eyes(scene, object, middle, front, camera)
     if not len(eyes):
         eyes, nearness, facing = middle[None] + (0.0, 0.0, 1.0), np.ones(1), np.zeros(1)
-    share = visible_fraction(scene, points, eyes)
+    room = merge([Mesh(part.mesh.vertices, part.mesh.faces) for part in scene.parts.values()])
+    share = visible_fraction(room, points, eyes, GAP)
     merit = share + 0.15 * facing * share.max() - 0.5 * nearness * (share < ENOUGH * share.max())
     merit -= 0.1 * nearness * share.max()
     best = int(np.argmax(np.where(share >= ENOUGH * share.max(), merit, -1.0)))
     return CameraPose(tuple(eyes[best].tolist()), tuple(middle.tolist()))
-
-
-def visible_fraction(scene: Scene, points: np.ndarray, eyes: np.ndarray) -> np.ndarray:
-    """Return for each eye [eye 3] the share of some points [point 3] of a scene that it sees, shape [eye]."""
-    room = merge([Mesh(part.mesh.vertices, part.mesh.faces) for part in scene.parts.values()])
-    away = eyes[:, None] - points
-    distance = np.linalg.norm(away, axis=2)
-    direction = (away / distance[..., None]).reshape(-1, 3)
-    start = np.tile(points, (len(eyes), 1)) + GAP * direction
-    reach = float(distance.max())
-    seen, _ = visible_distance(ray_mesh(room.vertices, room.faces), start, direction, reach)
-    free = seen.reshape(distance.shape) >= np.minimum(distance - 2 * GAP, reach * 0.999)
-    return np.asarray(free.mean(axis=1))
 
 
 def _eyes(
@@ -83,8 +72,7 @@ def _eyes(
     away = np.stack([level * np.cos(heading + azimuth), level * np.sin(heading + azimuth), np.sin(elevation)], axis=1)
     distance = np.maximum(farthest * closer, 1.3 * radius / np.tan(camera.fov / 2))
     eyes = middle + distance[:, None] * away
-    bounds = np.array([part.mesh.bounds for part in scene.parts.values() if len(part.mesh.vertices)])
-    low, high, floor = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0), floor_height(scene)
+    (low, high), floor = bounds_of(scene), floor_height(scene)
     sides = np.ptp(object.bounds, axis=0)
     if sides[2] < FLAT * sides[:2].min():
         steep = elevation >= STEEP - 1e-6

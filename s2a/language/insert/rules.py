@@ -115,12 +115,12 @@ def _by_noun(label: str) -> ObjectKind | None:
 
 def _compounds(words: str) -> list[str]:
     """Return the compounds that a phrase may stand for: a glass of wine is a wine glass, soap in a dish fills a soap dish."""
-    found = []
+    compounds = []
     if match := re.fullmatch(r"(.+) (?:in|on) an? (\w+)", words):
-        found.append(f"{match[1]} {match[2]}")
+        compounds.append(f"{match[1]} {match[2]}")
     if match := re.fullmatch(r"(?:an? )?(\w+) of (.+?)(?: (?:with|in|on|for)\b.*)?", words):
-        found.append(f"{match[2]} {match[1]}")
-    return found
+        compounds.append(f"{match[2]} {match[1]}")
+    return compounds
 
 
 def _words(label: str) -> str:
@@ -179,8 +179,8 @@ def rules(request: Request) -> Answer:
     if request.step == "script":
         return write_scripts(request)
     entry = known(str(request.facts["label"]))
-    said = _plan(request.facts, entry) if request.step == "plan" else _size(request.facts, entry)
-    return Answer(json.dumps(said), "rules")
+    answer = _plan(request.facts, entry) if request.step == "plan" else _size(request.facts, entry)
+    return Answer(json.dumps(answer), "rules")
 
 
 def _size(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
@@ -229,8 +229,8 @@ def _choices(room: list[dict[str, Any]], entry: ObjectKind | None, breadth: floa
     own = _existing(room, entry.places if entry else (), breadth)
     anywhere = entry is None or (entry.longest[1] <= HAND_HELD and entry.places[0][1] not in SOFT and _stands(entry))
     others = _existing(room, tuple(_place(place) for place in ANYWHERE), breadth) if anywhere else []
-    found = own + [one for one in others if one not in own]
-    return [{key: value for key, value in option.items() if key not in ("free", "circle")} for option in found]
+    options = own + [one for one in others if one not in own]
+    return [{key: value for key, value in option.items() if key not in ("free", "circle")} for option in options]
 
 
 def _stands(entry: ObjectKind) -> bool:
@@ -245,16 +245,16 @@ def _place(text: str) -> tuple[str, str]:
 
 def _existing(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], breadth: float) -> list[dict[str, Any]]:
     """Return the options that a room has for some places, wide enough ones first."""
-    found: list[dict[str, Any]] = []
+    best: list[dict[str, Any]] = []
     seconds: list[dict[str, Any]] = []
     for how, where in places:
         lines = [line for line in room if _is_meant(line, where)]
         options = [option for line in lines for option in _options(line, how, room)]
         options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
-        found += [option for option in options[:1] if option not in found]
+        best += [option for option in options[:1] if option not in best]
         seconds += options[1:3]
-    found += [option for option in seconds if option not in found]
-    return sorted(found, key=lambda option: option["circle"] < breadth)
+    best += [option for option in seconds if option not in best]
+    return sorted(best, key=lambda option: option["circle"] < breadth)
 
 
 def _is_meant(line: dict[str, Any], where: str) -> bool:
@@ -343,8 +343,8 @@ def _flat(facts: Any, entry: ObjectKind | None) -> tuple[str, str]:
     other = _opposite(usual)
 
     def more(name: str) -> float:
-        found = facts.get(name, {})
-        return float(found.get(other, 0.0) - found.get(usual, 0.0))
+        fractions = facts.get(name, {})
+        return float(fractions.get(other, 0.0) - fractions.get(usual, 0.0))
 
     # A framed image has its colours in front, a frame its hollow, and what lies firmly on its back has a flat one.
     for name, least in (("varied", COLOURED), ("hollow", FRAMED)) if _is_sheet(facts) else ():
@@ -356,7 +356,7 @@ def _flat(facts: Any, entry: ObjectKind | None) -> tuple[str, str]:
 def _depth(facts: Any) -> str:
     """Return the axis along which a hanging object faces: its thinnest; of a thick one that along which its ends differ most."""
     sides, slices = dict(zip("xyz", facts["sides"], strict=True)), facts.get("slices", {})
-    uneven = {axis: abs(sum(found[:2]) - sum(found[3:])) for axis, found in slices.items()}
+    uneven = {axis: abs(sum(areas[:2]) - sum(areas[3:])) for axis, areas in slices.items()}
     if _is_sheet(facts) or max(uneven.values(), default=0.0) < UNEVEN:
         return min(sides, key=sides.__getitem__)
     return max(uneven, key=uneven.__getitem__)

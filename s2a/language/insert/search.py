@@ -15,9 +15,9 @@ from scipy import fft, ndimage
 
 from s2a.core.bounds import Count, Fraction, NotNegative, Numbers, Positive
 from s2a.language.insert.fit import SweptVolume, fill
-from s2a.language.insert.supports import BASIN, is_floor, nearby, target_mesh
+from s2a.language.insert.supports import BASIN, is_floor, nearby, over, target_mesh
 from s2a.scene.geometry.mesh_ops import sample
-from s2a.scene.geometry.mesh_query import ray_mesh, visible_distance
+from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.geometry.occupancy import Grid, distinct_cells, mask_of, occupied_layers
 from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Joint, Mesh, Scene
@@ -103,8 +103,7 @@ def floor_height(scene: Scene) -> float:
 
 def hung_on(scene: Scene, region: Region, target: str) -> list[str]:
     """Return the ids of the parts that hang on an upright region."""
-    floor, found = floor_height(scene), []
-    rows, columns = region.support.shape
+    floor, ids = floor_height(scene), []
     for part_id, part in scene.parts.items():
         if (
             part_id == target
@@ -113,12 +112,11 @@ def hung_on(scene: Scene, region: Region, target: str) -> list[str]:
             or not len(part.mesh.vertices)
         ):
             continue
-        local = region.places(part.mesh.bounds.mean(axis=0)[None])[0]
         away = (part.mesh.vertices - region.origin) @ region.normal
-        over = 0 <= local[0] < rows and 0 <= local[1] < columns
-        if over and abs(away.min()) < OFF and np.ptp(away) < THIN and part.mesh.bounds[0, 2] > floor + 0.7:
-            found.append(part_id)
-    return found
+        close = abs(away.min()) < OFF and np.ptp(away) < THIN
+        if close and over(region, part.mesh.bounds.mean(axis=0)) and part.mesh.bounds[0, 2] > floor + 0.7:
+            ids.append(part_id)
+    return ids
 
 
 def closeness(cells: tuple[int, int], pad: int, region: Region, wanted: Preferences, decay: float) -> np.ndarray:
@@ -159,15 +157,15 @@ def at_the_back(places: np.ndarray, local: np.ndarray, region: Region, pad: int,
     """
     filled = np.argwhere(region.support)
     low, high = filled.min(axis=0) + pad, filled.max(axis=0) + pad + 1
-    found = np.full(len(places), np.inf)
+    distance = np.full(len(places), np.inf)
     for (row, column), closed in zip(SIDES, wanted.backed, strict=True):
         if not closed:
             continue
         axis, sign = (0, row) if row else (1, column)
         reach = (local[:, axis] * sign).max() / region.cell
         border = high[axis] if sign > 0 else -low[axis]
-        found = np.minimum(found, np.abs(border - (places[:, axis] + 0.5) * sign - reach) * region.cell)
-    return found
+        distance = np.minimum(distance, np.abs(border - (places[:, axis] + 0.5) * sign - reach) * region.cell)
+    return distance
 
 
 def hanging_score(
@@ -227,12 +225,12 @@ def _backed(scene: Scene, region: Region, reach: float) -> tuple[bool, ...]:
     mesh = nearby(scene, corners.min(axis=0) - margin, corners.max(axis=0) + margin + (0, 0, HEIGHTS[-1] + 0.05))
     if not len(mesh.faces):
         return (False,) * 4
-    asked = ray_mesh(mesh.vertices, mesh.faces)
-    return tuple(_closed(asked, region, low, high, side, reach) for side in SIDES)
+    tree = kept_ray_mesh(mesh)
+    return tuple(_closed(tree, region, low, high, side, reach) for side in SIDES)
 
 
 def _closed(
-    asked: object, region: Region, low: np.ndarray, high: np.ndarray, side: tuple[int, int], reach: float
+    tree: object, region: Region, low: np.ndarray, high: np.ndarray, side: tuple[int, int], reach: float
 ) -> bool:
     """Return True if rays from the border of a region outwards mostly meet something."""
     axis = 0 if side[0] else 1
@@ -244,7 +242,7 @@ def _closed(
     # A little inside: the border of a scan ends where the wall begins, or behind that.
     start = region.points(cells) - 0.05 * outward
     starts = np.concatenate([start + height * region.normal for height in HEIGHTS])
-    seen, _ = visible_distance(asked, starts, outward, reach + 0.05)
+    seen, _ = visible_distance(tree, starts, outward, reach + 0.05)
     return bool((seen < reach + 0.05).mean() >= BACKED)
 
 
@@ -381,7 +379,7 @@ def grid_candidates(
     nearness = closeness(grid.carries.shape, grid.pad, region, preferences, config.neighbour_distance)
     points = np.concatenate([sample(object, config.samples, seed=0), object.vertices])
     turns = np.radians(config.turns) if region.kind != "vertical" else np.zeros(1)
-    found: list[GridCandidate] = []
+    candidates: list[GridCandidate] = []
     for turn in turns:
         c, s = np.cos(turn), np.sin(turn)
         local = points @ (base @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])).T
@@ -400,8 +398,10 @@ def grid_candidates(
             BACK_FIRST if preferences.against else 1.0
         )
         best = np.argsort(-score, kind="stable")[: config.max_placements // 4]
-        found += [GridCandidate(float(score[i]), float(turn), places[i] - grid.pad + 0.5, float(free[i])) for i in best]
-    return sorted(found, key=lambda one: -one.score)
+        candidates += [
+            GridCandidate(float(score[i]), float(turn), places[i] - grid.pad + 0.5, float(free[i])) for i in best
+        ]
+    return sorted(candidates, key=lambda one: -one.score)
 
 
 def _scores(

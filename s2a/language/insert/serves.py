@@ -7,10 +7,10 @@ from enum import IntEnum
 import numpy as np
 
 from s2a.language.insert.search import Keep, floor_height
-from s2a.language.insert.supports import facing, is_floor, middle_of, nearby, target_mesh
+from s2a.language.insert.supports import bounds_of, facing, is_floor, nearby, over, target_mesh
 from s2a.language.insert.wish import is_kind_of
 from s2a.scene.geometry.mesh_ops import normals, sample
-from s2a.scene.geometry.mesh_query import RayMesh, ray_mesh, visible_distance
+from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Joint, Mesh, Scene
 from s2a.scene.usd.descriptive import Box, silhouette, upright_box
@@ -44,7 +44,7 @@ def front(scene: Scene, part_id: str) -> np.ndarray:
     box = upright_box(silhouette(mesh.vertices))
     sides = np.array([(np.cos(box.yaw + a), np.sin(box.yaw + a)) for a in np.arange(4) * np.pi / 2])
     closeness = _closeness(scene, own, mesh, box, sides)
-    inward = middle_of(scene)[:2] - box.center[:2]
+    inward = bounds_of(scene).mean(axis=0)[:2] - box.center[:2]
     inward /= max(float(np.linalg.norm(inward)), 1e-9)
     shown = (normals(mesh)[:, :2] * mesh.face_areas[:, None]).sum(axis=0) / max(float(mesh.face_areas.sum()), 1e-9)
     places = _normalised(mesh.vertices, box, sides)
@@ -65,17 +65,17 @@ def _normalised(points: np.ndarray, box: Box, sides: np.ndarray) -> np.ndarray:
 
 def _opening(scene: Scene, own: list[str], box: Box, sides: np.ndarray) -> np.ndarray:
     """Return for each side how much of what opens is there or slides there, -1 to 1, shape [4]."""
-    found = []
+    directions = []
     for part in (scene.parts[i] for i in own):
         if not isinstance(part.motion, Joint) or not len(part.mesh.vertices):
             continue
         if part.motion.kind == "prismatic":
             way = 1.0 if sum(part.motion.limits) >= 0.0 else -1.0
-            found.append(way * sides[:2] @ np.array(part.motion.axis)[:2])
+            directions.append(way * sides[:2] @ np.array(part.motion.axis)[:2])
         else:
             places = _normalised(part.mesh.vertices, box, sides)
-            found.append((places.min(axis=0) + places.max(axis=0)) / 2)
-    along = np.mean(found, axis=0) if found else np.zeros(2)
+            directions.append((places.min(axis=0) + places.max(axis=0)) / 2)
+    along = np.mean(directions, axis=0) if directions else np.zeros(2)
     return np.array([*along, *-along])
 
 
@@ -86,13 +86,13 @@ def _closeness(scene: Scene, own: list[str], mesh: Mesh, box: Box, sides: np.nda
     closeness = np.zeros(4)
     if not len(around.faces):
         return closeness
-    asked, low = ray_mesh(around.vertices, around.faces), float(mesh.bounds[0, 2])
+    tree, low = kept_ray_mesh(around), float(mesh.bounds[0, 2])
     for i, side in enumerate(sides):
         depth, width = box.size[i % 2], box.size[1 - i % 2]
         across = np.array([-side[1], side[0]])
         level = np.array(box.center[:2]) + 0.45 * depth * side
         starts = [[*(level + a * width * across), low + u * box.size[2]] for a in ALONG for u in UP]
-        seen, _ = visible_distance(asked, np.array(starts), np.append(side, 0.0), REACH)
+        seen, _ = visible_distance(tree, np.array(starts), np.append(side, 0.0), REACH)
         closeness[i] = np.exp(-np.maximum(seen - 0.05 * depth, 0.0) / CLOSE).mean()
     return closeness
 
@@ -146,7 +146,7 @@ class PlaceServes:
         It is `MOSTLY` hidden, or stands where people stand to use a fixture. On furniture it is `PARTLY` hidden, or hides
         something itself; a floor is seen from many sides.
         """
-        if any(_stands_in(object, kept, self._floor) for kept in self.fixtures):
+        if any(_stands_in(object, rectangle, self._floor) for rectangle in self.fixtures):
             return Fault.MOSTLY
         visible = self._visible(object)
         if visible < SEEN:
@@ -175,7 +175,8 @@ class PlaceServes:
 
     def _covers(self, object: Mesh, thing: Mesh) -> bool:
         """Return True if an object hides much of a thing that stands behind it from who stands straight before that."""
-        return _seen(object, sample(thing, POINTS, seed=0).astype(np.float64), self._eyes(thing)[:1])[0] < CLEAR
+        points = sample(thing, POINTS, seed=0).astype(np.float64)
+        return bool(visible_fraction(object, points, self._eyes(thing)[:1])[0] < CLEAR)
 
     def _eyes(self, object: Mesh) -> np.ndarray:
         """Return the places of the eyes that look at an object [m], shape [azimuth 3]."""
@@ -192,39 +193,36 @@ def visible_from(scene: Scene, object: Mesh, eyes: np.ndarray) -> np.ndarray:
     """Return the fraction of an object in its place that a room leaves visible to each of some eyes [m], [eye 3]; shape [eye]."""
     points = sample(object, POINTS, seed=0).astype(np.float64)
     low, high = np.minimum(points.min(axis=0), eyes.min(axis=0)), np.maximum(points.max(axis=0), eyes.max(axis=0))
-    return _seen(nearby(scene, low - 0.05, high + 0.05), points, eyes)
+    return visible_fraction(nearby(scene, low - 0.05, high + 0.05), points, eyes)
 
 
-def _seen(obstacles: Mesh, points: np.ndarray, eyes: np.ndarray) -> np.ndarray:
-    """Return the fraction of points [point 3] that obstacles leave visible to each of some eyes [eye 3], shape [eye]."""
+def visible_fraction(obstacles: Mesh, points: np.ndarray, eyes: np.ndarray, gap: float = GAP) -> np.ndarray:
+    """Return the fraction of points [point 3] that obstacles leave visible to each of some eyes [eye 3], shape [eye].
+
+    The points may be on the obstacles: rays start `gap` [m] away from them.
+    """
     if not len(obstacles.faces):
         return np.ones(len(eyes))
-    rays = ray_mesh(obstacles.vertices, obstacles.faces)
-    return np.array([_visible(rays, points, eye) for eye in eyes])
-
-
-def _visible(rays: RayMesh, points: np.ndarray, eye: np.ndarray) -> float:
-    """Return the fraction of points [point 3] that obstacles leave visible to an eye [3]."""
-    away = eye - points
-    distance = np.linalg.norm(away, axis=1)
-    direction = away / distance[:, None]
-    seen, _ = visible_distance(rays, points + GAP * direction, direction, float(distance.max()))
-    return float((seen >= distance - 2 * GAP).mean())
+    away = eyes[:, None] - points
+    distance = np.linalg.norm(away, axis=2)
+    direction = (away / distance[..., None]).reshape(-1, 3)
+    start, reach = np.tile(points, (len(eyes), 1)) + gap * direction, float(distance.max())
+    seen, _ = visible_distance(kept_ray_mesh(obstacles), start, direction, reach)
+    # Distances are in single precision: what is as far as the farthest ray counts as seen.
+    free = seen.reshape(distance.shape) >= np.minimum(distance - 2 * gap, reach * 0.999)
+    return np.asarray(free.mean(axis=1))
 
 
 def _standing_on(scene: Scene, region: Region, target: str) -> list[Mesh]:
     """Return the small things that stand on a region."""
-    rows, columns = region.support.shape
-    found = []
+    meshes = []
     for part_id, part in scene.parts.items():
         if part_id == target or part.parent is not None or not len(part.mesh.faces):
             continue
         middle, extent = part.mesh.bounds.mean(axis=0), np.ptp(part.mesh.bounds, axis=0)
-        row, column, _ = region.places(middle[None])[0]
-        over = 0 <= row < rows and 0 <= column < columns
-        if over and abs(part.mesh.bounds[0, 2] - region.height) < STANDS and extent.max() < LONGEST:
-            found.append(part.mesh)
-    return found
+        if over(region, middle) and abs(part.mesh.bounds[0, 2] - region.height) < STANDS and extent.max() < LONGEST:
+            meshes.append(part.mesh)
+    return meshes
 
 
 def _is_used(scene: Scene, part_id: str) -> bool:
@@ -244,9 +242,9 @@ def _room_before(scene: Scene, part_id: str) -> Rectangle:
     return axes, np.array([high[0], low[1]]), np.array([high[0] + ROOM_BEFORE, high[1]])
 
 
-def _stands_in(object: Mesh, kept: Rectangle, floor: float) -> bool:
+def _stands_in(object: Mesh, rectangle: Rectangle, floor: float) -> bool:
     """Return True if an object reaches into a rectangle and is too high to step over."""
-    axes, low, high = kept
+    axes, low, high = rectangle
     on_axes = object.vertices[:, :2] @ axes.T
     overlap = np.minimum(on_axes.max(axis=0), high) - np.maximum(on_axes.min(axis=0), low)
     return bool((overlap > 0.02).all() and object.bounds[1, 2] > floor + LOW)

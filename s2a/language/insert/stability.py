@@ -36,7 +36,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 def stable_pose(
     room: RoomState,
     object: Mesh,
-    found: Iterable[CandidatePose],
+    candidates: Iterable[CandidatePose],
     check: Callable[[CandidatePose], dict[str, Any]],
     accept: Callable[[CandidatePose], str],
     config: PoseConfig,
@@ -47,13 +47,13 @@ def stable_pose(
     Args:
         room: the room.
         object: upright, in metres.
-        found: the candidate poses, those of one support after each other.
+        candidates: the candidate poses, those of one support after each other.
         check: the drop test; its results have `problem`, and `rest` where the object came to rest elsewhere.
         accept: the objection to a pose whose object stays, such as an unheeded wish; empty if there is none.
         config: of the search.
         reasons: receives why candidates were passed over, one line a support.
     """
-    for _, group in groupby(found, key=lambda one: (one.target, one.choice, one.surface.get("height"))):
+    for _, group in groupby(candidates, key=lambda one: (one.target, one.choice, one.surface.get("height"))):
         resting: list[CandidatePose] = []
         problems: list[str] = []
         for candidate in group:
@@ -72,7 +72,7 @@ def stable_pose(
             result = check(again)
             if not (result["problem"] or accept(again)):
                 return again
-        worst = max(set(problems), key=problems.count)
+        worst = max(problems, key=problems.count)
         count = f" at all {len(problems)} places" if len(problems) > 1 else ""
         reasons.append(f"{candidate.choice.relation} {candidate.target}: {worst}{count}")
     return None
@@ -99,7 +99,7 @@ def at_rest(candidate: CandidatePose, rest: dict[str, Any]) -> CandidatePose:
 
 def put_down(room: RoomState, object: Mesh, candidate: CandidatePose, config: PoseConfig) -> CandidatePose | None:
     """Return a resting candidate lifted out of what it sank into and lowered again; None if it is in conflict there."""
-    lifted = replace(candidate.pose, position=tuple((np.array(candidate.pose.position) - LIFT * DOWN).tolist()))
+    lifted = candidate.pose.shifted(-LIFT * DOWN)
     low, high = lifted.moved(object).bounds + [[-0.05], [0.05]]
     local = nearby(room.scene, low, high)
     pose: Pose | None = moved_into_contact(lifted, object, local, DOWN, 4 * LIFT, config.contact_gap)
@@ -113,7 +113,7 @@ def put_down(room: RoomState, object: Mesh, candidate: CandidatePose, config: Po
             return replace(candidate, pose=pose)
         if conflict != COLLISION:
             return None
-        pose = replace(pose, position=tuple((np.array(pose.position) - config.contact_gap * DOWN).tolist()))
+        pose = pose.shifted(-config.contact_gap * DOWN)
     return None
 
 
@@ -153,24 +153,24 @@ def drop_check(hulls: HullsConfig, config: DropTestConfig) -> StabilityCheck:
 
     The hulls of an object are made once and kept for its other candidate poses.
     """
-    known: dict[int, tuple[Mesh, list[Mesh]]] = {}  # with the mesh, or another might get its address
+    pieces: dict[int, tuple[Mesh, list[Mesh]]] = {}  # with the mesh, or another might get its address
 
     def check(object: Mesh, candidate: CandidatePose, scene: Scene) -> Record:
-        if id(object) not in known:
-            known[id(object)] = object, _hulls(object, hulls)
-        moved = [candidate.pose.moved(piece) for piece in known[id(object)][1]]
+        if id(object) not in pieces:
+            pieces[id(object)] = object, _hulls(object, hulls)
+        moved = [candidate.pose.moved(piece) for piece in pieces[id(object)][1]]
         low, high = candidate.pose.moved(object).bounds
         hangs_on = -candidate.normal if candidate.choice.relation == "hanging" else None
-        found = drop_test(moved, nearby(scene, low - QUERY_RADIUS, high + QUERY_RADIUS), config, hangs_on)
-        unstable = np.isfinite(found.drift) and (found.tilt > config.tilt or found.drift > config.drift)
-        values = {name: round(value, 5) if isinstance(value, float) else value for name, value in vars(found).items()}
+        result = drop_test(moved, nearby(scene, low - QUERY_RADIUS, high + QUERY_RADIUS), config, hangs_on)
+        unstable = np.isfinite(result.drift) and (result.tilt > config.tilt or result.drift > config.drift)
+        values = {name: round(value, 5) if isinstance(value, float) else value for name, value in vars(result).items()}
         values.pop("rest")
-        rest = found.rest
-        if rest is not None and rests_upright(found.tilt, found.drift):
+        rest = result.rest
+        if rest is not None and rests_upright(result.tilt, result.drift):
             values["rest"] = rest
-        elif rest is not None and found.tilt > config.tilt:
+        elif rest is not None and result.tilt > config.tilt:
             turned = Rotation.from_quat(rest["turn"]) * Rotation.from_quat(candidate.pose.quaternion)
-            values["problem"] = f"{found.problem} and comes to rest {lying(turned)}"
+            values["problem"] = f"{result.problem} and comes to rest {lying(turned)}"
         return {**values, "unstable": bool(unstable)}
 
     return check
@@ -198,8 +198,8 @@ def _hulls(object: Mesh, config: HullsConfig) -> list[Mesh]:
     points = np.concatenate([object.vertices, sample(object, SAMPLES, seed=0)])
     edges = np.array([0.0, *np.linspace(FOOT, 1.0, config.slices + 1)]) * (high - low) + low
     slices = [points[(points[:, 2] >= a) & (points[:, 2] <= b)] for a, b in itertools.pairwise(edges)]
-    found = [hull(piece, config.max_vertices) for piece in slices if len(piece)]
-    return [piece for piece in found if piece is not None]
+    pieces = [hull(piece, config.max_vertices) for piece in slices if len(piece)]
+    return [piece for piece in pieces if piece is not None]
 
 
 def _volume(mesh: Mesh) -> float:

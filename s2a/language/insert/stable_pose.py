@@ -6,9 +6,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from s2a.language.insert.fit import rays
 from s2a.scene.geometry.mesh_ops import normals, sample
-from s2a.scene.geometry.mesh_query import RayMesh, visible_distance
+from s2a.scene.geometry.mesh_query import RayMesh, kept_ray_mesh, visible_distance
 from s2a.scene.scene import Mesh
 
 AXES = {
@@ -37,7 +36,7 @@ TRIED = 12
 SLICES = 5
 SAMPLES = 5000
 GRID = 24
-"""Rays along a side of the grid, into each end."""
+"""Points along a side of the grid over each end."""
 DEEP = 0.25
 """Smallest depth of a concavity, as a fraction of the extent."""
 SIDEWAYS = 8
@@ -53,13 +52,13 @@ def tilt_margins(mesh: Mesh) -> dict[str, float]:
     points, middle = _weighed(mesh)
     downs = _faces(points).round(2)  # independent of the last digits
     downs /= np.linalg.norm(downs, axis=1, keepdims=True)
-    found = {}
+    margins = {}
     for name, axis in AXES.items():
         firm = _tilt(points, middle, axis, FOOT)
         if firm < STEADY:
             firm = max([firm, *[_tilt(points, middle, -down, FOOT) for down in _near(downs, axis)]])
-        found[name] = round(firm, 2)
-    return found
+        margins[name] = round(firm, 2)
+    return margins
 
 
 def tilt_margin(mesh: Mesh, up: np.ndarray) -> float:
@@ -100,8 +99,19 @@ def concavities(mesh: Mesh) -> dict[str, float]:
 
     A cup has 0.7 at its mouth and 0 elsewhere; between the legs of a table turned over there is none.
     """
-    asked = rays(mesh)
-    return {name: round(_concavity(mesh, asked, axis), 1) for name, axis in AXES.items()}
+    tree = kept_ray_mesh(mesh)
+    return {name: round(_concavity(mesh, tree, axis), 1) for name, axis in AXES.items()}
+
+
+def grid_over(low: np.ndarray, high: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Return a grid of points on the side of a box, from corner to corner [3], to which an axis [3] points, shape [point 3]."""
+    up = int(np.abs(axis).argmax())
+    across = [i for i in range(3) if i != up]
+    middles = (np.stack(np.meshgrid(*[np.arange(GRID)] * 2), axis=-1).reshape(-1, 2) + 0.5) / GRID
+    points = np.empty((len(middles), 3))
+    points[:, across] = low[across] + middles * (high - low)[across]
+    points[:, up] = high[up] if axis[up] > 0 else low[up]
+    return points
 
 
 def cross_sections(mesh: Mesh) -> dict[str, list[float]]:
@@ -111,21 +121,20 @@ def cross_sections(mesh: Mesh) -> dict[str, list[float]]:
     """
     points = sample(mesh, SAMPLES, seed=0)
     low, high = mesh.bounds.astype(np.float64)
-    found = {}
+    sections = {}
     for axis, name in enumerate("xyz"):
         across = [i for i in range(3) if i != axis]
         box = max(float(np.prod((high - low)[across])), 1e-12)
         numbers = np.clip(SLICES * (points[:, axis] - low[axis]) / max(high[axis] - low[axis], 1e-12), 0, SLICES - 1)
         hulls = [_hull(points[numbers.astype(int) == i][:, across]) for i in range(SLICES)]
-        found[name] = [round(min(1.0, hull.volume / box), 1) if hull else 0.0 for hull in hulls]
-    return found
+        sections[name] = [round(min(1.0, hull.volume / box), 1) if hull else 0.0 for hull in hulls]
+    return sections
 
 
 def _faces(points: np.ndarray) -> np.ndarray:
     """Return the outward normals of the faces of the convex hull of points [point 3], the largest first, shape [face 3]."""
-    try:
-        hull = ConvexHull(points)
-    except (QhullError, ValueError):
+    hull = _hull(points)
+    if hull is None:
         return np.empty((0, 3))
     a, b, c = np.moveaxis(points[hull.simplices], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -150,18 +159,14 @@ def _tilt(points: np.ndarray, middle: np.ndarray, up: np.ndarray, within: float)
     return max(0.0, float(np.arctan2(edge, middle @ up - height.min()) / (np.pi / 2)))
 
 
-def _concavity(mesh: Mesh, asked: RayMesh, axis: np.ndarray) -> float:
+def _concavity(mesh: Mesh, tree: RayMesh, axis: np.ndarray) -> float:
     """Return the fraction of the outline seen from one end that is a bounded concavity."""
     low, high = mesh.bounds.astype(np.float64)
     up = int(np.abs(axis).argmax())
     extent, across = float((high - low)[up]), [i for i in range(3) if i != up]
-    middles = (np.stack(np.meshgrid(*[np.arange(GRID)] * 2), axis=-1).reshape(-1, 2) + 0.5) / GRID
-    start = np.empty((len(middles), 3))
-    start[:, across] = low[across] + middles * (high - low)[across]
-    start[:, up] = high[up] if axis[up] > 0 else low[up]
-    start += 0.01 * extent * axis
+    start = grid_over(low, high, axis) + 0.01 * extent * axis
     reach = 1.1 * extent
-    depth, _ = visible_distance(asked, start, -axis, reach)
+    depth, _ = visible_distance(tree, start, -axis, reach)
     seen = depth < reach
     deep = np.flatnonzero(seen & (depth > DEEP * extent))
     walls = np.zeros(len(deep), int)
@@ -169,13 +174,13 @@ def _concavity(mesh: Mesh, asked: RayMesh, axis: np.ndarray) -> float:
         sideways = np.zeros(3)
         sideways[across] = np.cos(angle), np.sin(angle)
         far = float(np.linalg.norm(high - low))
-        away, _ = visible_distance(asked, start[deep] - 0.5 * depth[deep, None] * axis, sideways, far)
+        away, _ = visible_distance(tree, start[deep] - 0.5 * depth[deep, None] * axis, sideways, far)
         walls += away < far
     return float((walls >= SIDEWAYS - 1).sum() / max(seen.sum(), 1))
 
 
 def _hull(points: np.ndarray) -> ConvexHull | None:
-    """Return the convex hull of points [point 2]; None if they all lie on one line."""
+    """Return the convex hull of points [point 2] or [point 3]; None if they all lie on one line, or in one plane."""
     try:
         return ConvexHull(points)
     except (QhullError, ValueError):
@@ -218,10 +223,8 @@ def has_stand(object: Mesh) -> bool:
 
 def outline(points: np.ndarray) -> float:
     """Return the area of the convex hull of points [point 2]; 0 where they have none."""
-    try:
-        return float(ConvexHull(points).volume)
-    except (QhullError, ValueError):
-        return 0.0
+    hull = _hull(points)
+    return 0.0 if hull is None else float(hull.volume)
 
 
 def leans_forward(mesh: Mesh, up: np.ndarray, front: np.ndarray) -> bool:

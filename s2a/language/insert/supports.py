@@ -11,8 +11,8 @@ import numpy as np
 from s2a.core.bounds import Count, CountFromZero, NotNegative
 from s2a.core.errors import InputError
 from s2a.language.insert.fit import NoRoom, Pose
-from s2a.scene.geometry.mesh_ops import keep, merge
-from s2a.scene.geometry.mesh_query import crossing, ray_mesh, visible_distance
+from s2a.scene.geometry.mesh_ops import merge, within
+from s2a.scene.geometry.mesh_query import crossing, kept_ray_mesh, visible_distance
 from s2a.scene.geometry.planes import Plane, RansacConfig, ransac_plane
 from s2a.scene.geometry.regions import KINDS, Kind, Region, RegionConfig, support_regions
 from s2a.scene.scene import Joint, Mesh, Scene
@@ -84,14 +84,14 @@ def is_basin(region: Region) -> bool:
 def flat_objects(scene: Scene, target: str) -> list[Mesh]:
     """Return what lies flat in a scene, raised: lower than the noise of a scan, it would be taken for its support."""
     own = {target, *scene.descendants(target)}
-    found = []
+    meshes = []
     for part_id, part in scene.parts.items():
         if part_id in own or part.parent is not None or not len(part.mesh.faces):
             continue
         sides = np.ptp(part.mesh.bounds, axis=0)
         if sides[2] < FLAT and sides.max() < LARGE:
-            found.append(Mesh(part.mesh.vertices + np.array([0.0, 0.0, RAISED], np.float32), part.mesh.faces))
-    return found
+            meshes.append(Mesh(part.mesh.vertices + np.array([0.0, 0.0, RAISED], np.float32), part.mesh.faces))
+    return meshes
 
 
 def target_regions(scene: Scene, target: str, config: RegionConfig, kinds: tuple[Kind, ...] = KINDS) -> list[Region]:
@@ -121,28 +121,12 @@ def target_plane(scene: Scene, target: str, upright: bool, config: RansacConfig)
 
 def nearby(scene: Scene, low: np.ndarray, high: np.ndarray, parts: Iterable[str] | None = None) -> Mesh:
     """Return the triangles of a scene, or of some of its parts, whose boxes meet a box [m]."""
-    found = []
+    meshes = []
     for part_id in scene.parts if parts is None else parts:
         mesh = scene.parts[part_id].mesh
-        if not len(mesh.faces) or (mesh.bounds[0] > high).any() or (mesh.bounds[1] < low).any():
-            continue
-        if (mesh.bounds[0] >= low).all() and (mesh.bounds[1] <= high).all():
-            found.append(mesh)
-            continue
-        found.append(within(mesh, low, high))
-    return merge([Mesh(mesh.vertices, mesh.faces) for mesh in found if len(mesh.faces)])
-
-
-def within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
-    """Return the triangles of a mesh whose boxes meet a box [m]."""
-    # A triangle's box is apart from it where all three corners are beyond the same side.
-    beyond = np.zeros(len(mesh.vertices), np.uint8)
-    for axis in range(3):
-        place = mesh.vertices[:, axis]
-        beyond |= (place < low[axis]).view(np.uint8) << np.uint8(2 * axis)
-        beyond |= (place > high[axis]).view(np.uint8) << np.uint8(2 * axis + 1)
-    a, b, c = (beyond[mesh.faces[:, i]] for i in range(3))
-    return keep(mesh, np.flatnonzero((a & b & c) == 0))
+        whole = len(mesh.faces) and (mesh.bounds[0] >= low).all() and (mesh.bounds[1] <= high).all()
+        meshes.append(mesh if whole else within(mesh, low, high))
+    return merge([Mesh(mesh.vertices, mesh.faces) for mesh in meshes if len(mesh.faces)])
 
 
 def facing(scene: Scene, target: str, region: Region) -> np.ndarray:
@@ -162,16 +146,23 @@ def facing(scene: Scene, target: str, region: Region) -> np.ndarray:
     mesh = nearby(scene, start - reach, start + reach, (target, *scene.descendants(target)))
     sees = np.full(4, FAR)
     if len(mesh.faces):
-        sees, _ = visible_distance(ray_mesh(mesh.vertices, mesh.faces), np.tile(start, (4, 1)), directions, FAR)
-    inward = middle_of(scene) - region.center
+        sees, _ = visible_distance(kept_ray_mesh(mesh), np.tile(start, (4, 1)), directions, FAR)
+    inward = bounds_of(scene).mean(axis=0) - region.center
     inward /= max(float(np.linalg.norm(inward[:2])), 1e-9)
     return directions[np.argmax(2.0 * (sees >= sees.max() - 0.05) + directions @ (inward * (1.0, 1.0, 0.0)))]
 
 
-def middle_of(scene: Scene) -> np.ndarray:
-    """Return the middle of the box around a scene [m], shape [3]."""
+def bounds_of(scene: Scene) -> np.ndarray:
+    """Return the lowest and highest corner of the box around a scene [m], shape [2 3]."""
     bounds = np.array([part.mesh.bounds for part in scene.parts.values() if len(part.mesh.vertices)])
-    return (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
+    return np.stack([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
+
+
+def over(region: Region, point: np.ndarray) -> bool:
+    """Return True if a point [3] is over the grid of a region, or below it."""
+    row, column, _ = region.places(point[None])[0]
+    rows, columns = region.support.shape
+    return bool(0 <= row < rows and 0 <= column < columns)
 
 
 @dataclass(frozen=True)

@@ -146,22 +146,22 @@ def parse_wish(text: str, labels: Mapping[str, str]) -> Wish:
     words = PEOPLE.sub(" ", SEEN.sub("seen from", words))
     relations, missing, at = _heights(words), [], 0
     pattern = re.compile("|".join(f"(?P<k{n}>\\b(?:{words})\\b)" for n, words in enumerate(WORDS.values())))
-    while found := pattern.search(words, at):
-        kind = list(WORDS)[int(str(found.lastgroup)[1:])]
-        at = found.end()
+    while match := pattern.search(words, at):
+        kind = list(WORDS)[int(str(match.lastgroup)[1:])]
+        at = match.end()
         rest = words[at:].lstrip()
         names = _names(rest, kind == "between")
         meant = [_meant(name, labels) for name, _ in names]
         ids = [some for some, _ in meant]
-        negated = bool(NOT.search(words[: found.start()].rstrip()))
+        negated = bool(NOT.search(words[: match.start()].rstrip()))
         if kind in ("top", "bottom") and (not names or not ids[0]):
             # "on the top shelf": of whatever has shelves
             meant = [_meant("shelf", labels)]
             ids, names = [meant[0][0]], [("shelf", 0)]
             missing += [] if ids[0] else ["shelf"]
         if names and all(ids):
-            said = f"{found[0]} {' and '.join(name for name, _ in names)}"
-            relations.append(_relation(kind, ids, said, labels, negated))
+            phrase = f"{match[0]} {' and '.join(name for name, _ in names)}"
+            relations.append(_relation(kind, ids, phrase, labels, negated))
             end, after = names[-1][1], meant[-1][1]
             at += len(words[at:]) - len(rest) + max(0, end - after)
         elif names and not negated and kind != "away":
@@ -182,29 +182,29 @@ def _relation(kind: str, ids: list[tuple[str, ...]], words: str, labels: Mapping
 
 def _heights(words: str) -> list[Relation]:
     """Return the heights that a wish names."""
-    found = [
+    heights = [
         Relation("height", (), one[0], float(one[1]) / (100 if one[2] == "cm" else 1)) for one in HEIGHT.finditer(words)
     ]
-    return found + [Relation("height", (), one[0], 1.55) for one in EYE.finditer(words)]
+    return heights + [Relation("height", (), one[0], 1.55) for one in EYE.finditer(words)]
 
 
 def _names(rest: str, two: bool) -> list[tuple[str, int]]:
     """Return the names of things at the begin of a text, with where each ends; two for "between ... and ..."."""
-    found, at = [], 0
+    names, at = [], 0
     for _ in range(2 if two else 1):
         one = re.match(rf"\s*(?:and )?{ARTICLE}((?:[a-z_]+[a-z0-9_]*\s*){{1,5}})", rest[at:])
         if not one:
             break
-        said: list[str] = []
+        noun: list[str] = []
         for word in one[1].split():
-            if word in STOPS or (said and any(re.fullmatch(words, word) for words in WORDS.values())):
+            if word in STOPS or (noun and any(re.fullmatch(words, word) for words in WORDS.values())):
                 break
-            said.append(word)
-        if not said:
+            noun.append(word)
+        if not noun:
             break
-        at += one.start(1) + len(" ".join(said))
-        found.append((" ".join(said), at))
-    return found
+        at += one.start(1) + len(" ".join(noun))
+        names.append((" ".join(noun), at))
+    return names
 
 
 def _meant(name: str, labels: Mapping[str, str]) -> tuple[tuple[str, ...], int]:
@@ -216,8 +216,8 @@ def _meant(name: str, labels: Mapping[str, str]) -> tuple[tuple[str, ...], int]:
     words = words[:1] + list(itertools.takewhile(lambda word: word not in AFTER and not word.endswith("ly"), words[1:]))
     noun = " ".join(words)
     for first in range(len(words)):
-        said = " ".join(words[first:])
-        for forms in ((said,), _singular(said)):
+        ending = " ".join(words[first:])
+        for forms in ((ending,), _singular(ending)):
             exact = tuple(i for i, label in labels.items() if i.lower() in forms or label.lower() in forms)
             alike = exact or tuple(i for i, label in labels.items() if any(_kind(label, form) for form in forms))
             if alike:
@@ -271,10 +271,10 @@ def parse_hint(hint: str, room: list[Line], hangs: bool = False) -> PlacementHin
     lines = {line["id"]: line for line in room}
     beside = [one for one in relations if one.kind in (*BESIDE, "above", "below")]
     near = beside[0].part_ids[0][0] if beside else None
-    found: list[dict[str, Any]] = []
+    choices: list[dict[str, Any]] = []
     for relation in sorted(relations, key=lambda one: (one.kind != "wall", one.kind not in DIRECT)):
-        found = found or _choices(relation, lines, hangs)
-    return PlacementHint(near, found[:3])
+        choices = choices or _choices(relation, lines, hangs)
+    return PlacementHint(near, choices[:3])
 
 
 def _choices(relation: Relation, lines: dict[str, Line], hangs: bool) -> list[dict[str, Any]]:
@@ -286,24 +286,24 @@ def _choices(relation: Relation, lines: dict[str, Line], hangs: bool) -> list[di
             walls.sort(key=lambda wall: min(_apart(wall, lines[part_id]) for part_id in named))
         elif named:
             walls = [wall for wall in walls if wall["id"] in named]
-        said = {"surface": "vertical", "relation": "hanging", "height": None, "reason": "as wished"}
-        return [{"target": wall["id"], **said} for wall in walls]
-    found: list[dict[str, Any]] = []
+        hanging = {"surface": "vertical", "relation": "hanging", "height": None, "reason": "as wished"}
+        return [{"target": wall["id"], **hanging} for wall in walls]
+    choices: list[dict[str, Any]] = []
     for part_id in relation.part_ids[0] if relation.part_ids else ():
         line = lines.get(part_id)
         if line is None:
             continue
         if relation.kind in DIRECT:
-            found += [one for part in (line, *_covers(line, lines)) for one in _places(part, relation.kind)]
+            choices += [one for part in (line, *_covers(line, lines)) for one in _places(part, relation.kind)]
         elif relation.kind in BESIDE:
-            found += _places(_below(line, lines), "on")
+            choices += _places(_below(line, lines), "on")
         elif relation.kind == "seen from":
-            found += [one for other in _around(line, lines) for one in _places(other, "on")[:1]]
+            choices += [one for other in _around(line, lines) for one in _places(other, "on")[:1]]
         elif relation.kind == "above":
-            found += [one for other in lines.values() if _over(other, line) for one in _places(other, "on")]
+            choices += [one for other in lines.values() if _over(other, line) for one in _places(other, "on")]
         elif relation.kind == "below":
-            found += _places(_below(line, lines), "on")
-    return found
+            choices += _places(_below(line, lines), "on")
+    return choices
 
 
 def _around(line: Line, lines: dict[str, Line]) -> list[Line]:

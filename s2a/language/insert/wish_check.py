@@ -18,7 +18,7 @@ from s2a.language.insert.serves import front, visible_from
 from s2a.language.insert.supports import target_mesh
 from s2a.language.insert.wish import Relation, Wish, is_kind_of, parse_wish
 from s2a.scene.geometry.convex import box
-from s2a.scene.geometry.mesh_query import ray_mesh, visible_distance
+from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.usd.descriptive import silhouette
 
@@ -175,7 +175,7 @@ def _carried(object: Mesh, mesh: Mesh) -> bool:
     below = points - (0.0, 0.0, reach)
     if (below.min(axis=0) > mesh.bounds[1]).any() or (points.max(axis=0) < mesh.bounds[0]).any():
         return False  # no ray comes near it, and to ask them takes milliseconds
-    seen, _ = visible_distance(ray_mesh(mesh.vertices, mesh.faces), points, np.array([0.0, 0.0, -1.0]), reach)
+    seen, _ = visible_distance(kept_ray_mesh(mesh), points, np.array([0.0, 0.0, -1.0]), reach)
     return bool((seen < 0.02 + CONTACT + 0.009).mean() > 0.2)
 
 
@@ -193,19 +193,19 @@ def _within(object: Mesh, mesh: Mesh) -> bool:
     height = object.bounds[0, 2] + min(0.5 * np.ptp(object.bounds[:, 2]), 0.5 * (high[2] - object.bounds[0, 2]))
     start = np.tile((middle[0], middle[1], height), (8, 1))
     reach = float(np.linalg.norm(high - low))
-    seen, _ = visible_distance(ray_mesh(mesh.vertices, mesh.faces), start, AROUND, reach)
+    seen, _ = visible_distance(kept_ray_mesh(mesh), start, AROUND, reach)
     return bool((seen < 0.999 * reach).sum() >= 5)
 
 
 def _extreme(object: Mesh, mesh: Mesh, top: bool) -> bool:
     """Return True if no board of a shelf lies above an object, other than its lid; or none below what carries it."""
     middle = object.bounds.mean(axis=0).astype(float)
-    asked, reach = ray_mesh(mesh.vertices, mesh.faces), 3.0
+    tree, reach = kept_ray_mesh(mesh), 3.0
     up = 1.0 if top else -1.0
     start, levels = middle.copy(), []
     start[2] = object.bounds[1, 2] if top else object.bounds[0, 2] - 2 * CONTACT
     for _ in range(12):
-        seen, _ = visible_distance(asked, start[None], np.array([0.0, 0.0, up]), reach)
+        seen, _ = visible_distance(tree, start[None], np.array([0.0, 0.0, up]), reach)
         if seen[0] >= reach:
             break
         start[2] += up * (float(seen[0]) + 0.05)  # over the board
@@ -243,11 +243,11 @@ def read_wish(text: str, scene: Scene) -> Wish:
 
 def planned_place(plan: Plan) -> Wish:
     """Return where a plan wants an object on its support, as relations that are searched for and checked as a wish's are."""
-    found = [Relation(one.relation, tuple((part_id,) for part_id in one.of), one.relation) for one in plan.place]
+    relations = [Relation(one.relation, tuple((part_id,) for part_id in one.of), one.relation) for one in plan.place]
     height = plan.choices[0].height if plan.hangs else None
     if height is not None:
-        found.append(Relation("height", (), f"at {height:g} m", height))
-    return Wish(tuple(found))
+        relations.append(Relation("height", (), f"at {height:g} m", height))
+    return Wish(tuple(relations))
 
 
 def decline(wish: Wish, text: str, scene: Scene, understood: bool) -> None:
@@ -305,8 +305,8 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
     sides = np.ptp(object.bounds, axis=0)
     # Sides are told from outlines: the points of a scan would be gone through for every place.
     floor = floor_height(scene)
-    known = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.part_ids for i in ids}
-    seen = {i: viewer(scene, i) for i in known}
+    outlines = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.part_ids for i in ids}
+    seen = {i: viewer(scene, i) for i in outlines}
 
     standing = box(np.array([0.0, 0.0, sides[2] / 2]), np.eye(3), np.array([min(sides[:2])] * 2 + [sides[2]]))
 
@@ -315,16 +315,18 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
         for one in sided:
             if one.kind == "between":
                 holds = any(
-                    a != b and between(brick, known[a], known[b]) for a in one.part_ids[0] for b in one.part_ids[1]
+                    a != b and between(brick, outlines[a], outlines[b])
+                    for a in one.part_ids[0]
+                    for b in one.part_ids[1]
                 )
             elif one.kind == "height":
                 holds = abs(brick.bounds[:, 2].mean() - floor - float(one.height or 0.0)) < OFF_HEIGHT
             elif one.negated or one.kind == "away":
-                holds = all(_box_gap(brick, known[i]) > (BESIDE if one.negated else FAR) for i in one.part_ids[0])
+                holds = all(_box_gap(brick, outlines[i]) > (BESIDE if one.negated else FAR) for i in one.part_ids[0])
             elif one.kind == "near":
-                holds = any(_box_gap(brick, known[i]) < 0.4 for i in one.part_ids[0])
+                holds = any(_box_gap(brick, outlines[i]) < 0.4 for i in one.part_ids[0])
             else:
-                holds = any(placed(brick.bounds, seen[i], brick, known[i], one.kind) for i in one.part_ids[0])
+                holds = any(placed(brick.bounds, seen[i], brick, outlines[i], one.kind) for i in one.part_ids[0])
             if not holds:
                 return False
         return True
@@ -333,9 +335,9 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
 
     def keep(places: np.ndarray) -> np.ndarray:
         for place in places:
-            asked = tuple(place.round(4).tolist())
-            if asked not in known_places:
-                known_places[asked] = one_place(place)
+            key = tuple(place.round(4).tolist())
+            if key not in known_places:
+                known_places[key] = one_place(place)
         return np.array([known_places[tuple(place.round(4).tolist())] for place in places], bool)
 
     return keep

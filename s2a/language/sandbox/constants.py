@@ -145,18 +145,12 @@ class Path:
     text: str
 
 
-class Values:
+class Values(Names):
     """The values of a script's expressions."""
 
     def __init__(self, tree: ast.Module, given: dict[str, str]) -> None:
-        """Collect all names.
-
-        Args:
-            tree: the script.
-            given: names that it finds, with their values.
-        """
-        found = Names(tree, given)
-        self.functions, self.names, self.modules = found.functions, found.names, found.modules
+        """Collect all names, as `Names` does."""
+        super().__init__(tree, given)
         self._steps = 0
         self._active: set[str] = set()
         # A list that has been extended, perhaps under another name, is no longer constant.
@@ -172,8 +166,8 @@ class Values:
             PolicyViolation: the script is too entangled to tell in reasonable time.
         """
         self._spend(1)
-        found = self._of(node)
-        return None if found is None or len(found) > MOST_VALUES else found
+        values = self._of(node)
+        return None if values is None or len(values) > MOST_VALUES else values
 
     def _spend(self, steps: int) -> None:
         self._steps += steps
@@ -192,9 +186,9 @@ class Values:
 
     def parts(self, node: ast.AST) -> list[object]:
         """Return all values that an expression is known to have, those within a list one by one, and paths as texts."""
-        known = self.of(node) if isinstance(node, ast.expr) else None
+        values = self.of(node) if isinstance(node, ast.expr) else None
         parts: list[object] = []
-        for value in known or ():
+        for value in values or ():
             inner = [*value.keys(), *value.values()] if isinstance(value, dict) else value
             parts += inner if isinstance(inner, (list, tuple)) else [inner]
         return [part.text if isinstance(part, Path) else part for part in parts]
@@ -286,13 +280,13 @@ class Values:
 
     def _union(self, nodes: list) -> Known:
         """Return the values of any of some expressions."""
-        found: list[Any] = []
+        union: list[Any] = []
         for node in nodes:
             values = self.of(node)
             if values is None:
                 return None
-            found += values
-        return _distinct(found) or None
+            union += values
+        return _distinct(union) or None
 
     def _combine(self, nodes: list, join: Callable[..., Any], paths: bool = False) -> Known:
         """Return what `join` makes of every combination of values of some expressions; None where it fails, as it would there.
@@ -310,7 +304,7 @@ class Values:
             every.append(values)
         if math.prod(map(len, every)) > MOST_VALUES:
             return None
-        found: list[Any] = []
+        results: list[Any] = []
         for combination in itertools.product(*every):
             try:
                 value = join(*combination)
@@ -320,8 +314,8 @@ class Values:
             self._spend(letters // STEP)
             if value is None or letters > MOST_LETTERS:
                 return None
-            found.append(value)
-        return _distinct(found)
+            results.append(value)
+        return _distinct(results)
 
 
 def _distinct(values: list[Any]) -> list[Any]:

@@ -169,16 +169,16 @@ def _flat(text: bytes) -> bool:
 
 def _opinions(layer: Sdf.Layer) -> dict[tuple[Sdf.Path, str], Any]:
     """Return every value in a layer by the path and the field it stands at."""
-    found: dict[tuple[Sdf.Path, str], Any] = {}
+    opinions: dict[tuple[Sdf.Path, str], Any] = {}
 
     def note(path: Sdf.Path) -> None:
         spec = layer.GetObjectAtPath(path)
         for field in spec.ListInfoKeys():
-            found[path, field] = _value(spec, field)
-        found[path, "kind of spec"] = type(spec).__name__
+            opinions[path, field] = _value(spec, field)
+        opinions[path, "kind of spec"] = type(spec).__name__
 
     layer.Traverse(Sdf.Path.absoluteRootPath, note)
-    return found
+    return opinions
 
 
 def _value(spec: Sdf.Spec, field: str) -> Any:
@@ -265,10 +265,10 @@ def _operation(name: str, kind: str) -> bool:
     return any(re.fullmatch(pattern, name) and kind in kinds for pattern, kinds in OPERATIONS.items())
 
 
-def _refuse_fields(spec: Sdf.Spec, known: tuple[str, ...]) -> None:
+def _refuse_fields(spec: Sdf.Spec, harmless: tuple[str, ...]) -> None:
     """Raise if a prim or an attribute says anything that is not known to be harmless."""
-    if others := sorted(set(spec.ListInfoKeys()) - set(known)):
-        raise _violation(f"{spec.path} has {others[0]!r}, which nobody planned; possible: {', '.join(known)}")
+    if others := sorted(set(spec.ListInfoKeys()) - set(harmless)):
+        raise _violation(f"{spec.path} has {others[0]!r}, which nobody planned; possible: {', '.join(harmless)}")
 
 
 def _check_pose(prim: Sdf.PrimSpec, operations: list[str], plan: Placement) -> None:

@@ -304,8 +304,8 @@ class Sandbox:
             raise InputError(
                 "the process that confines scripts did not start; check the free memory and disk, try again"
             )
-        kept = {what for layer in active for what in GUARANTEES[layer]}
-        missing = [what for what in self.config.required_guarantees if what not in kept]
+        guaranteed = {what for layer in active for what in GUARANTEES[layer]}
+        missing = [what for what in self.config.required_guarantees if what not in guaranteed]
         if missing and guarantees and not self.trusted:
             raise InputError(
                 f"this system cannot keep {', '.join(missing)} from a script "
@@ -318,11 +318,11 @@ class Sandbox:
 def _failure(report: str, step: Literal["process", "comparison"]) -> PolicyViolation | None:
     """Return the violation that a process reports; untrusted, so shortened and cleaned."""
     try:
-        said = json.loads(report)
-        line, reason = said.get("line"), said.get("reason")
+        failure = json.loads(report)
+        line, reason = failure.get("line"), failure.get("reason")
     except (ValueError, AttributeError, RecursionError):
         return PolicyViolation(step, "its report cannot be read")
     if reason is None:
         return None
-    known = isinstance(line, int) and not isinstance(line, bool) and 0 < line < MOST_LINES
-    return PolicyViolation(step, str(reason)[: REASON[step]], line if known else None)
+    plausible = isinstance(line, int) and not isinstance(line, bool) and 0 < line < MOST_LINES
+    return PolicyViolation(step, str(reason)[: REASON[step]], line if plausible else None)

@@ -49,9 +49,9 @@ BUILTINS = frozenset(
 
 _VECTORS = " ".join(f"Gf.Vec{n}{kind}" for n in (2, 3, 4) for kind in "dfhi")
 _TYPES = (
-    "Asset Bool Color3f Double Double2 Double3 Double4 Float Float2 Float3 Float4 Int Matrix4d Quatd Quatf Quath String "
+    "Bool Color3f Double Double2 Double3 Double4 Float Float2 Float3 Float4 Int Matrix4d Quatd Quatf Quath String "
     "StringArray Token TokenArray Vector3d Vector3f Point3f Normal3f DoubleArray FloatArray IntArray Half Half3"
-).replace("Asset ", "")
+)
 
 DOTTED = frozenset(
     f"{_VECTORS} Gf.Quatd Gf.Quatf Gf.Quath Gf.Quaternion Gf.Matrix3d Gf.Matrix4d Gf.Rotation Gf.Transform "

@@ -116,9 +116,9 @@ def _loop_count(node: ast.AST) -> int:
 
 def _is_number(node: ast.expr | tuple | None, values: Values, seen: frozenset[str] = frozenset()) -> bool:
     """Return True if an expression is statically known to be a number, or a vector, quaternion or matrix of Gf."""
-    known = values.of(node)
-    if known is not None:
-        return all(isinstance(value, (int, float)) for value in known)
+    constants = values.of(node)
+    if constants is not None:
+        return all(isinstance(value, (int, float)) for value in constants)
     match node:
         case ast.BinOp():
             return _is_number(node.left, values, seen) and _is_number(node.right, values, seen)
@@ -157,9 +157,11 @@ def _gives_number(call: ast.Call, values: Values, seen: frozenset[str]) -> bool:
 
 def _bounded(node: ast.expr | tuple | None, values: Values, config: AllowConfig, seen: set[str]) -> bool:
     """Return True for a short iterable: a literal, a range, a list of the stage, or a zip of these."""
-    known = values.of(node)
-    if known is not None:
-        return all(isinstance(value, (tuple, list, dict, str)) and len(value) <= config.max_repeats for value in known)
+    constants = values.of(node)
+    if constants is not None:
+        return all(
+            isinstance(value, (tuple, list, dict, str)) and len(value) <= config.max_repeats for value in constants
+        )
     match node:
         case ast.List() | ast.Tuple() | ast.Dict():
             return not any(isinstance(item, ast.Starred) for item in ast.iter_child_nodes(node))
@@ -216,7 +218,7 @@ def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:
     """
     tree = _parse(text, config)
     try:
-        found = _findings(tree, stage, reference, config)
+        findings = _findings(tree, stage, reference, config)
     except RecursionError as error:
         raise PolicyViolation("allowlist", "it is too entangled; use fewer names") from error
     except PolicyViolation:
@@ -225,8 +227,8 @@ def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:
         raise PolicyViolation(
             "allowlist", f"it cannot be analysed ({type(error).__name__}); write it plainly"
         ) from error
-    if found:
-        line, _, reason = min(found)
+    if findings:
+        line, _, reason = min(findings)
         raise PolicyViolation("allowlist", reason, line)
 
 
@@ -333,7 +335,7 @@ def _names(node: ast.AST, check: _Check) -> str | None:
     if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
         if node.id in values.functions and node not in check.called:
             return f"{node.id} can only be called"
-        if not any(node.id in known for known in (values.names, values.functions, values.modules, BUILTINS)):
+        if not any(node.id in names for names in (values.names, values.functions, values.modules, BUILTINS)):
             return f"{node.id!r} is neither the script's own name nor among: {', '.join(sorted(BUILTINS))}"
     taken = [*values.modules, *values.functions, *BUILTINS]
     given = None
@@ -357,8 +359,8 @@ def _attributes(node: ast.AST, check: _Check) -> str | None:
         return f"{name or node.attr} can only be called"
     if name is not None:
         # Parts of a longer name are looked at, too: every one of them must be known, or a module.
-        known = name in DOTTED or any(longer.startswith(f"{name}.") for longer in DOTTED)
-        return None if known else f"{name} is not among the operations that place an object"
+        possible = name in DOTTED or any(longer.startswith(f"{name}.") for longer in DOTTED)
+        return None if possible else f"{name} is not among the operations that place an object"
     if isinstance(node.ctx, ast.Store):
         return None if node.attr in STORES else f"{node.attr!r} may not be assigned"
     return None if node.attr in METHODS else f"{node.attr!r} is not among the operations that place an object"
@@ -371,8 +373,8 @@ def _calls(node: ast.AST, check: _Check) -> str | None:
     values = check.values
     name = values.dotted(node.func)
     if isinstance(node.func, ast.Name):
-        known = node.func.id in values.functions or node.func.id in BUILTINS or (name or "").startswith("math.")
-        return None if known else f"{node.func.id!r} is called, but is no function of the script"
+        possible = node.func.id in values.functions or node.func.id in BUILTINS or (name or "").startswith("math.")
+        return None if possible else f"{node.func.id!r} is called, but is no function of the script"
     if not isinstance(node.func, ast.Attribute):
         return "what is called has no name"
     if name is not None and name not in DOTTED:

@@ -87,7 +87,7 @@ def test_odd_answers_are_used_or_go_back(stage: Path) -> None:
     room = sim_stage.read(stage, visuals=False)
     context = RoomContext(room, None, "panda", 0.3, skills())
     facts = fact.gather(room, None, {}, "panda")
-    check = Checker(room, facts, context.robot, context.opening, context.skills)
+    check = Checker(context, room, facts)
     skill = {"skill": "open", "part": "drawer_2", "object": None, "support": None}
     answer = {"skills": [skill], "refusal": None, "reason": "", "options": []}
     words = b'{ } [ ] " : , \\u0000 \\ud800 null true NaN 1e999 put_in drawer_2 cube_9 impossible skills part'.split(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -90,7 +90,7 @@ def gather(
     hidden = _hidden(described)
     ids = [*(i for i in described if i not in hidden), *(i for i in points if i not in described)]
     parts = {i: _thing(i, room, described.get(i), points.get(i), opened, robot) for i in ids}
-    return {i: thing if thing.parent in parts else _orphan(thing) for i, thing in parts.items()}
+    return {i: thing if thing.parent in parts else replace(thing, parent=None) for i, thing in parts.items()}
 
 
 def text(facts: Facts) -> str:
@@ -159,11 +159,6 @@ def _thing(
     label = described.label if described else i.rpartition("_")[0].replace("_", " ") or i
     name = " ".join(printable(label).split())[:LABEL]
     return RoomPart(i, name, parent, kind, center, size, facing, on, opened.get(i, 0.0), base)
-
-
-def _orphan(thing: RoomPart) -> RoomPart:
-    """Return a part whose parent is not among the facts as one that belongs to none."""
-    return RoomPart(**{**vars(thing), "parent": None})
 
 
 def _support(room: SimRoom, body: SimBody) -> str | None:

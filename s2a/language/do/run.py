@@ -27,6 +27,25 @@ SHUT = 0.02
 """[m] Up to which a part counts as shut."""
 
 
+@dataclass(frozen=True)
+class RoomContext:
+    """What a sentence is planned in.
+
+    Attributes:
+        room: as in its file.
+        described: the descriptive flavour, or None.
+        robot: name of the robot.
+        opening: to which a part is opened for an object to be put into it [m].
+        skills: the tasks that a plan may be made of, by their names in it.
+    """
+
+    room: SimRoom
+    described: dict[str, DescribedPart] | None
+    robot: str
+    opening: float
+    skills: Mapping[str, type[Task]]
+
+
 class Checker:
     """Checks plans against a room.
 
@@ -34,20 +53,10 @@ class Checker:
         passed: what holds of the last plan that was checked, a line a skill.
     """
 
-    def __init__(
-        self, room: SimRoom, facts: Facts, robot: str, opening: float, skills: Mapping[str, type[Task]]
-    ) -> None:
-        """Keep what plans are checked against.
-
-        Args:
-            room: as it stands now.
-            facts: of it.
-            robot: name of the robot.
-            opening: to which a part is opened for an object to be put into it [m].
-            skills: the tasks that a plan may be made of, by their names in it.
-        """
-        self._room, self._facts, self._opening, self._skills = room, facts, opening, skills
-        self._reach = 2.0 * robots.load(robot).base.reach
+    def __init__(self, context: RoomContext, room: SimRoom, facts: Facts) -> None:
+        """Keep the context, the room as it stands now, and its facts."""
+        self._room, self._facts, self._opening, self._skills = room, facts, context.opening, context.skills
+        self._reach = 2.0 * robots.load(context.robot).base.reach
         self.passed: list[str] = []
 
     def __call__(self, plan: SkillPlan) -> None:
@@ -155,25 +164,6 @@ Execute = Callable[[Skill, RoomChange, int], Outcome]
 """Skill, state of the room before it, its number -> how it went."""
 
 
-@dataclass(frozen=True)
-class RoomContext:
-    """What a sentence is planned in.
-
-    Attributes:
-        room: as in its file.
-        described: the descriptive flavour, or None.
-        robot: name of the robot.
-        opening: to which a part is opened for an object to be put into it [m].
-        skills: the tasks that a plan may be made of, by their names in it.
-    """
-
-    room: SimRoom
-    described: dict[str, DescribedPart] | None
-    robot: str
-    opening: float
-    skills: Mapping[str, type[Task]]
-
-
 @dataclass
 class Result:
     """What came of a sentence.
@@ -206,7 +196,7 @@ def make_plan(
     state = state or RoomChange()
     room = episode.at_state(context.room, state)
     facts = fact.gather(room, context.described, episode.opened_by(context.room, state), context.robot)
-    check = Checker(room, facts, context.robot, context.opening, context.skills)
+    check = Checker(context, room, facts)
     answer = plan(model, sentence, facts, check, retries, usage, context.skills, failed)
     return answer, check.passed if answer.skills else [], fact.possible(facts)
 

@@ -314,16 +314,15 @@ class RoomState:
             names = inserted.candidate.target, inserted.placement.part_id
             changed = survey(scene, self._config, names)
             self._supports = self._supports | changed
-            mesh, levels = inserted.part.mesh, self._levels.items()
-            apart = {i: regions for i, regions in levels if not _over(mesh, regions, self._config)}
+            mesh, reach = inserted.part.mesh, self._config.search_height
+            apart = {
+                i: regions
+                for i, regions in self._levels.items()
+                if not any(_meets(mesh, region, reach) for region in regions)
+            }
             self._levels = apart | {i: regions for i, regions in changed.items() if regions}
         self._unseen = []
         self._lines = describe(self.scene, self._supports)
-
-
-def _over(mesh: Mesh, regions: list[Region], config: RegionConfig) -> bool:
-    """Return True if a mesh may occupy space over regions."""
-    return any(_meets(mesh, region, config.search_height) for region in regions)
 
 
 def _meets(mesh: Mesh, region: Region, reach: float) -> bool:

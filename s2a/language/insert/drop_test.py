@@ -31,21 +31,21 @@ def near(support: Mesh, bounds: np.ndarray, reach: float) -> np.ndarray:
         reach: triangles within this distance of a hull's box are meant [m].
     """
     triangles = support.vertices[support.faces].astype(np.float64)
-    low, high = triangles.min(axis=1), triangles.max(axis=1)
-    meets = np.zeros(len(triangles), bool)
-    for first, last in bounds:
-        meets |= ((low <= last + reach) & (high >= first - reach)).all(axis=1)
-    return triangles[meets & (support.face_areas > 1e-8)]
+    return triangles[_meet(triangles, bounds, reach) & (support.face_areas > 1e-8)]
 
 
 def close(triangles: np.ndarray, hulls: Sequence[Mesh]) -> np.ndarray:
     """Return which triangles matter as long as the hulls hardly move, shape [face]."""
-    along = triangles @ SIDES.T
-    low, high = along.min(axis=1), along.max(axis=1)
+    along = [hull.vertices @ SIDES.T for hull in hulls]
+    return _meet(triangles @ SIDES.T, np.array([(own.min(axis=0), own.max(axis=0)) for own in along]), CLOSE)
+
+
+def _meet(triangles: np.ndarray, spans: np.ndarray, reach: float) -> np.ndarray:
+    """Return which triangles [face 3 axis] are within a distance of any span [span 2 axis] along all axes, shape [face]."""
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
     meets = np.zeros(len(triangles), bool)
-    for hull in hulls:
-        own = hull.vertices @ SIDES.T
-        meets |= ((low <= own.max(axis=0) + CLOSE) & (high >= own.min(axis=0) - CLOSE)).all(axis=1)
+    for first, last in spans:
+        meets |= ((low <= last + reach) & (high >= first - reach)).all(axis=1)
     return meets
 
 

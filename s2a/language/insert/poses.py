@@ -344,18 +344,21 @@ class CandidatePose:
     """A candidate pose of an object.
 
     Attributes:
-        target: id of the carrying part.
         choice: the plan's choice.
         normal: normal of the surface, unit, shape [3].
         pose: pose of the object.
         surface: description of the surface for the record.
     """
 
-    target: str
     choice: Choice
     normal: np.ndarray
     pose: Pose
     surface: dict[str, Any]
+
+    @property
+    def target(self) -> str:
+        """Id of the carrying part."""
+        return self.choice.target
 
 
 def candidate_poses(
@@ -422,7 +425,7 @@ def _on_regions(
                 continue
             line = _model_line(region, choice)
             for where in places(scene, object, region, choice.relation, pose, target, room.volumes, plan.near, keep):
-                yield CandidatePose(target, choice, region.normal, where, line)
+                yield CandidatePose(choice, region.normal, where, line)
         except NoRoom as error:
             reasons.append(f"{choice.relation} {target}: {error}")
 
@@ -438,7 +441,7 @@ def _on_plane(
         "height": round(float(points[:, 2].mean()), 4),
         "points": len(points),
     }
-    return CandidatePose(choice.target, choice, plane.normal, where, described)
+    return CandidatePose(choice, plane.normal, where, described)
 
 
 def _ordered(regions: list[Region], choice: Choice) -> list[Region]:

@@ -10,10 +10,11 @@ from pxr import Sdf
 
 from s2a.core.bounds import Count, CountFromZero
 from s2a.language.client import LlmConfig, kind_of
+from s2a.language.insert.drop_test import DropTestConfig
 from s2a.language.insert.object_file import ObjectConfig
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.poses import CandidatePose, PoseConfig
-from s2a.language.insert.stability import DropTestConfig, HullsConfig
+from s2a.language.insert.stability import HullsConfig
 from s2a.language.insert.supports import SurfaceConfig
 from s2a.language.sandbox.diff import Placement
 from s2a.language.sandbox.jail import SandboxConfig

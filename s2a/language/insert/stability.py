@@ -117,8 +117,6 @@ def put_down(room: RoomState, object: Mesh, candidate: CandidatePose, config: Po
     return None
 
 
-__all__ = ["HullsConfig", "DropTestConfig", "drop_check"]
-
 FOOT = 0.03
 """The foot of an object, as a fraction of its height."""
 SAMPLES = 4000

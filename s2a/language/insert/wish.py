@@ -75,10 +75,6 @@ WORDS = {
     "on": r"on top of|onto|upon|atop|on",
 }
 """Relations and the words for them; an earlier one is taken where several begin at the same place."""
-ALONE = {
-    "floor": r"on the (?:floor|ground)",
-    "wall": r"on (?:the|a) wall|hang(?:ing|s)?\b",
-}
 HEIGHT = re.compile(r"\b(?:at )?(\d+(?:\.\d+)?) ?(m|cm|metres?|meters?)\b(?: high| above the floor| up| height)?")
 EYE = re.compile(r"\bat eye (?:level|height)\b")
 ARTICLE = r"(?:(?:the|a|an|my|your|our|this|that|one of the|some) )?"

@@ -71,7 +71,7 @@ def _holds(scene: Scene, object: Mesh, kind: str, ids: list[str]) -> bool:
         return _seen_from(scene, object, ids[0], meshes[0])
     if kind in ("top", "bottom"):
         return _carried(object, meshes[0]) and _extreme(object, meshes[0], kind == "top")
-    return placed(object.bounds, viewer(scene, ids[0]), object, meshes[0], kind)
+    return placed(viewer(scene, ids[0]), object, meshes[0], kind)
 
 
 def viewer(scene: Scene, part_id: str) -> np.ndarray:
@@ -79,39 +79,32 @@ def viewer(scene: Scene, part_id: str) -> np.ndarray:
     return front(scene, _carrier(scene, part_id))
 
 
-def placed(bounds: np.ndarray, toward: np.ndarray, object: Mesh, mesh: Mesh, kind: str) -> bool:
+def placed(toward: np.ndarray, object: Mesh, mesh: Mesh, kind: str) -> bool:
     """Return True if an object is left of, above ... a thing, as seen by somebody in a direction [2] from it."""
-    right = np.array([-toward[1], toward[0]])
-    own = np.stack([object.vertices[:, :2] @ right, object.vertices[:, :2] @ toward], axis=1)
-    its = np.stack([mesh.vertices[:, :2] @ right, mesh.vertices[:, :2] @ toward], axis=1)
-    low, high = its.min(axis=0), its.max(axis=0)
-    first, last = own.min(axis=0), own.max(axis=0)
-    x, y = (first + last) / 2
+    axes = np.stack([(-toward[1], toward[0]), toward], axis=1)  # to the right, and towards the viewer
+    own, its = object.vertices[:, :2] @ axes, mesh.vertices[:, :2] @ axes
+    first, last, low, high = own.min(axis=0), own.max(axis=0), its.min(axis=0), its.max(axis=0)
     size = np.maximum(high - low, 1e-6)
-    beside = np.maximum(np.maximum(first - high, low - last), 0.0)
-    share = (np.array([x, y]) - low) / size
-    if kind == "left":
-        return bool(last[0] <= low[0] + 0.25 * (last - first)[0] and beside[0] <= 0.7 and beside[1] <= 0.3)
-    if kind == "right":
-        return bool(first[0] >= high[0] - 0.25 * (last - first)[0] and beside[0] <= 0.7 and beside[1] <= 0.3)
-    if kind == "front":
-        return bool(first[1] >= high[1] - 0.25 * (last - first)[1] and beside[1] <= 0.7 and beside[0] <= 0.1)
-    if kind == "behind":
-        return bool(last[1] <= low[1] + 0.25 * (last - first)[1] and beside[1] <= 0.7 and beside[0] <= 0.1)
-    top = float(mesh.bounds[1, 2])
+    apart = np.maximum(np.maximum(first - high, low - last), 0.0)
+    fraction = ((first + last) / 2 - low) / size
+    if kind in ("left", "right", "front", "behind"):
+        axis, reach = (0, (0.7, 0.3)) if kind in ("left", "right") else (1, (0.1, 0.7))
+        beyond = (low - last if kind in ("left", "behind") else first - high)[axis]
+        return bool(beyond >= -0.25 * (last - first)[axis] and (apart <= reach).all())
+    (bottom, upper), top = object.bounds[:, 2], float(mesh.bounds[1, 2])
     if kind == "above":
-        return bool(bounds[0, 2] >= top - 0.01 and beside[0] <= 0.0 and beside[1] <= 0.3)
+        return bool(bottom >= top - 0.01 and (apart <= (0.0, 0.3)).all())
     if kind == "below":
-        return bool(bounds[1, 2] <= top + 0.01 and (0.0 <= share).all() and (share <= 1.0).all())
-    inner = (share >= -0.05).all() and (share <= 1.05).all()
+        return bool(upper <= top + 0.01 and (0.0 <= fraction).all() and (fraction <= 1.0).all())
+    if not ((fraction >= -0.05).all() and (fraction <= 1.05).all()):
+        return False
     if kind == "back edge":
-        return bool(inner and (share[1] <= 0.35 or first[1] - low[1] <= 0.1))
+        return bool(fraction[1] <= 0.35 or first[1] - low[1] <= 0.1)
     if kind == "front edge":
-        return bool(inner and (share[1] >= 0.65 or high[1] - last[1] <= 0.1))
-    edge = np.minimum(first - low, high - last)
+        return bool(fraction[1] >= 0.65 or high[1] - last[1] <= 0.1)
     if kind == "corner":
-        return bool(inner and (edge <= np.maximum(0.15 * size, 0.1)).all())
-    return bool(inner and (np.abs(share - 0.5) <= np.maximum(0.17, 0.1 / size)).all())
+        return bool((np.minimum(first - low, high - last) <= np.maximum(0.15 * size, 0.1)).all())
+    return bool((np.abs(fraction - 0.5) <= np.maximum(0.17, 0.1 / size)).all())
 
 
 def between(object: Mesh, one: Mesh, other: Mesh) -> bool:
@@ -159,8 +152,7 @@ def _carrier(scene: Scene, part_id: str) -> str:
 def _gap(object: Mesh, mesh: Mesh) -> float:
     """Return the distance between two surfaces [m], up to the spacing of their vertices and middles of faces."""
     points = [np.concatenate([one.vertices, one.vertices[one.faces].mean(axis=1)]) for one in (object, mesh)]
-    low, high = object.bounds
-    box = float(np.linalg.norm(np.maximum(np.maximum(low - mesh.bounds[1], mesh.bounds[0] - high), 0.0)))
+    box = _box_gap(object, mesh)
     return max(box, min(float(cKDTree(points[1]).query(points[0])[0].min()), box + 0.02))
 
 
@@ -326,7 +318,7 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
             elif one.kind == "near":
                 holds = any(_box_gap(brick, outlines[i]) < 0.4 for i in one.part_ids[0])
             else:
-                holds = any(placed(brick.bounds, seen[i], brick, outlines[i], one.kind) for i in one.part_ids[0])
+                holds = any(placed(seen[i], brick, outlines[i], one.kind) for i in one.part_ids[0])
             if not holds:
                 return False
         return True

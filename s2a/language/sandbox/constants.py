@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from s2a.language.sandbox.operations import MODULES, OTHERS, PolicyViolation
+from s2a.language.sandbox.operations import PolicyViolation
 
 
 class Names:
@@ -107,23 +107,6 @@ class Names:
         for keyword in call.keywords:
             if keyword.arg is not None:
                 self.names[keyword.arg].append(keyword.value)
-
-
-def foreign(node: ast.AST) -> str | None:
-    """Return what is wrong with an import; None for what is possible, and for other nodes."""
-    possible = f"only `from pxr import ...` with {', '.join(MODULES)}, and math and typing, are"
-    if isinstance(node, ast.Import):
-        others = [alias.name for alias in node.names if alias.name not in OTHERS]
-        return f"Import is not possible of {others[0]}; {possible}" if others else None
-    if not isinstance(node, ast.ImportFrom):
-        return None
-    module = node.module or ""
-    names = {"pxr": MODULES, "__future__": ("annotations",), **OTHERS}.get(module, ())
-    others = [alias.name for alias in node.names if alias.name not in names]
-    if not names or node.level or others:
-        given = others[0] if names and others else module or "what is beside the script"
-        return f"{given} may not be imported; {possible}"
-    return None
 
 
 Known = list[Any] | None

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from s2a.core.bounds import Count, Positive
-from s2a.language.sandbox.constants import WIDTH, Values, foreign
+from s2a.language.sandbox.constants import WIDTH, Values
 from s2a.language.sandbox.operations import (
     BUILTINS,
     DOTTED,
@@ -23,7 +23,9 @@ from s2a.language.sandbox.operations import (
     GROWING,
     METADATA,
     METHODS,
+    MODULES,
     NUMERIC,
+    OTHERS,
     PROPERTIES,
     STORES,
     WRAPPING,
@@ -91,21 +93,6 @@ def growth(node: ast.AST, values: Values) -> str | None:
             return "only numbers may be multiplied"
     if isinstance(node.op, ast.Mod) and values.of(node) is None and not _is_number(node.left, values):
         return "% only with texts and numbers that are written out; use an f-string"
-    return None
-
-
-def repetition(node: ast.AST, values: Values, config: AllowConfig) -> str | None:
-    """Loops must end soon, which must follow from the text."""
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "range":
-        return (
-            None
-            if _bounded(node, values, config, set())
-            else f"a range that is not known to be below {config.max_repeats}"
-        )
-    if not isinstance(node, (ast.For, ast.comprehension)):
-        return None
-    if not _bounded(node.iter, values, config, set()):
-        return f"a loop whose number of rounds does not follow from the text, or is above {config.max_repeats}"
     return None
 
 
@@ -326,7 +313,20 @@ def _constants(node: ast.AST, check: _Check) -> str | None:
 
 
 def _imported(node: ast.AST, check: _Check) -> str | None:
-    return foreign(node)
+    """Imports."""
+    possible = f"only `from pxr import ...` with {', '.join(MODULES)}, and math and typing, are"
+    if isinstance(node, ast.Import):
+        others = [alias.name for alias in node.names if alias.name not in OTHERS]
+        return f"Import is not possible of {others[0]}; {possible}" if others else None
+    if not isinstance(node, ast.ImportFrom):
+        return None
+    module = node.module or ""
+    names = {"pxr": MODULES, "__future__": ("annotations",), **OTHERS}.get(module, ())
+    others = [alias.name for alias in node.names if alias.name not in names]
+    if not names or node.level or others:
+        given = others[0] if names and others else module or "what is beside the script"
+        return f"{given} may not be imported; {possible}"
+    return None
 
 
 def _names(node: ast.AST, check: _Check) -> str | None:
@@ -408,4 +408,10 @@ def _files(node: ast.AST, check: _Check) -> str | None:
 
 
 def _loops(node: ast.AST, check: _Check) -> str | None:
-    return repetition(node, check.values, check.config)
+    """Loops must end soon, which must follow from the text."""
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "range":
+        if not _bounded(node, check.values, check.config, set()):
+            return f"a range that is not known to be below {check.config.max_repeats}"
+    elif isinstance(node, (ast.For, ast.comprehension)) and not _bounded(node.iter, check.values, check.config, set()):
+        return f"a loop whose number of rounds does not follow from the text, or is above {check.config.max_repeats}"
+    return None

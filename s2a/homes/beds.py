@@ -45,12 +45,10 @@ def _box_bed(
     drawers = Column(1.0, (Cell(1.0, DRAWER),))
     count, deep, middle = integer(rng, 2, 3), min(half - 0.01, 0.62), head + long / 2
     style = replace(style, drawer_theme="linen", theme="nothing", top_theme="nothing")
-    chests = [
-        cabinet(rng, "bed frame", (deep, long, high), (drawers,) * count, style, Footing("plinth", 0.03)).moved(
-            at(middle, side * (half - deep), 0, 90 * side)
-        )
-        for side in sides
-    ]
+    chests = []
+    for side in sides:
+        chest = cabinet(rng, "bed frame", (deep, long, high), (drawers,) * count, style, Footing("plinth", 0.03))
+        chests.append(chest.moved(at(middle, side * (half - deep), 0, 90 * side)))
     inner = half - deep
     spans = [(side * inner, side * half) for side in {-1, 1} - set(sides)] + [(-inner, inner)]
     boards = [
@@ -61,16 +59,11 @@ def _box_bed(
     top = high + 0.206
     blanket = objects.cushion((0.62 * long, wide - 0.04, 0.06), draw.random_color(rng, 120, 240), 20.0, 9.0)
     cover = Piece("blanket", blanket.moved(at(head + 0.66 * long, 0, top + 0.03)))
-    return [
-        Piece("bed", join(board, *boards, mattress)),
-        *chests,
-        cover,
-        *_pillows(rng, wide, 1 + (wide > 1.3), top, 0.3),
-    ]
+    pillows = _pillows(rng, wide, 1 + (wide > 1.3), top, 0.3)
+    return [Piece("bed", join(board, *boards, mattress)), *chests, cover, *pillows]
 
 
 def _pillows(rng: np.random.Generator, wide: float, count: int, top: float, x: float) -> list[Piece]:
-    """Return pillows side by side at the head of a bed."""
     each = wide / count
     size = (0.4, min(0.7, each - 0.08), rng.uniform(0.1, 0.16))
     return [
@@ -168,9 +161,8 @@ def dining(rng: np.random.Generator, style: Style) -> list[Piece]:
     x, y = deep / 2, long / 2
     top = box((-x, x), (-y, y), (high - 0.03, high), style.top, style.texture)
     legs = posts((0.03 - x, x - 0.09), (0.03 - y, y - 0.09), (0, high - 0.03), 0.06, style.top, style.texture)
-    things = clutter.fill(
-        rng, Board((-x + 0.05, x - 0.05), (-y + 0.05, y - 0.05), high, 0.5), style.top_theme, integer(rng, 1, 7)
-    )
+    board = Board((-x + 0.05, x - 0.05), (-y + 0.05, y - 0.05), high, 0.5)
+    things = clutter.fill(rng, board, style.top_theme, integer(rng, 1, 7))
     table = Piece("table", join(top, *legs), contents=things)
     seats = max(1, int((long - 0.1) / 0.58))
     places = (np.arange(seats) + 0.5) / seats * (long - 0.1) - (long - 0.1) / 2
@@ -190,14 +182,8 @@ def coffee_table(rng: np.random.Generator, style: Style) -> list[Piece]:
         cells = (Cell(1.0, OPEN, 0), Cell(0.9, DRAWER))
         count = 1 + (wide > 0.9)
         base = Footing("legs", 0.1, 0.02, integer(rng, 0, 3))
-        piece = cabinet(
-            rng,
-            "coffee table",
-            (deep, wide, high),
-            (Column(1.0, cells),) * count,
-            replace(style, theme="nothing", top_theme="bedroom"),
-            base,
-        )
+        style = replace(style, theme="nothing", top_theme="bedroom")
+        piece = cabinet(rng, "coffee table", (deep, wide, high), (Column(1.0, cells),) * count, style, base)
         return [piece.moved(at(-deep / 2, 0))]
     x, y = deep / 2, wide / 2
     legs = posts((-x, x - 0.05), (-y, y - 0.05), (0, 0.39), 0.05, objects.OAK, WOOD)

@@ -80,7 +80,6 @@ def _pocket(grip: GripDesign, y: float, z: float) -> fronts.Pocket:
 
 
 def _roll(angle: float) -> np.ndarray:
-    """Return a rotation in the plane of a front, shape [4 4]."""
     turn = np.eye(4)
     turn[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     return turn
@@ -150,7 +149,6 @@ def _drawer(
 
 
 def _tray(thick: float, length: float, across: float, up: float) -> Surface:
-    """Return the box behind a drawer's panel."""
     wood, back, y, z = (205, 186, 150), -thick - length, across / 2, up / 2
     return join(
         box((back, -thick), (-y, -y + 0.006), (-z, z), wood),
@@ -161,7 +159,6 @@ def _tray(thick: float, length: float, across: float, up: float) -> Surface:
 
 
 def _leaf(opening: Opening, size: fronts.Size, grip: GripDesign, style: Style, height: float) -> Piece:
-    """Return a hinged door or flap with its handle."""
     side = SIDES[opening.kind]
     if side[0]:
         handles, pocket = door_grips(grip, side, size, height, style.inset)
@@ -330,7 +327,6 @@ def _interior(
 
 
 def _base(size: tuple[float, float, float], style: Style, base: Footing) -> list[Surface]:
-    """Return plinth or legs, and the top board."""
     depth, half, height = size[0], size[1] / 2, size[2]
     boards = []
     if base.cap:

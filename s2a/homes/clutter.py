@@ -128,9 +128,14 @@ def soap(rng: np.random.Generator) -> Piece:
     return household.bottle(rng, rng.uniform(0.15, 0.2), "soap dispenser")
 
 
-def shoes(rng: np.random.Generator) -> Piece:
-    """Return a pair of shoes."""
-    return objects.slippers(rng)
+def bowl(rng: np.random.Generator) -> Piece:
+    """Return an empty bowl."""
+    return household.bowl(rng.uniform(0.08, 0.13), random_color(rng, 50, 225))
+
+
+def candle(rng: np.random.Generator) -> Piece:
+    """Return a low candle."""
+    return objects.candle(rng.uniform(0.05, 0.15))
 
 
 def basket(rng: np.random.Generator) -> Piece:
@@ -147,32 +152,18 @@ def basket(rng: np.random.Generator) -> Piece:
 THEMES: dict[str, tuple[Maker, ...]] = {
     "office": (row, pile, notebook, carton, objects.cup, objects.paper_stack, pot_plant, crate),
     "paper": (notebook, case, objects.paper_stack, notebook),
-    "kitchen": (
-        household.jar,
-        bottle,
-        objects.cup,
-        can,
-        carton,
-        lambda r: household.bowl(r.uniform(0.08, 0.13), random_color(r, 50, 225)),
-    ),
+    "kitchen": (household.jar, bottle, objects.cup, can, carton, bowl),
     "pantry": (household.jar, can, bottle, carton, basket),
     "cutlery": (cutlery, case, lambda r: household.plate(r.uniform(0.08, 0.12))),
     "bath": (bottle, soap, towels, household.tissue_box, household.toothbrush_cup, can),
     "toiletries": (case, can, case),
     "linen": (towels, folded, basket),
-    "clothes": (folded, folded, carton, shoes),
-    "bedroom": (
-        pile,
-        lambda r: objects.candle(r.uniform(0.05, 0.15)),
-        lambda r: objects.alarm_clock(),
-        objects.photo,
-        vase,
-        case,
-    ),
+    "clothes": (folded, folded, carton, objects.slippers),
+    "bedroom": (pile, candle, lambda r: objects.alarm_clock(), objects.photo, vase, case),
     "living": (row, pile, vase, objects.photo, lambda r: objects.candle(r.uniform(0.05, 0.2)), pot_plant, objects.bowl),
     "dishes": (vase, objects.bowl, bottle, lambda r: household.plate(0.11), objects.cup),
     "tools": (tool_box, can, crate, carton, case),
-    "shoes": (shoes, carton, basket),
+    "shoes": (objects.slippers, carton, basket),
     "nothing": (),
 }
 """What stands about by theme."""
@@ -215,6 +206,5 @@ def _spot(rng: np.random.Generator, thing: Piece, board: Board, taken: list[np.n
 
 
 def _footprint(thing: Piece) -> np.ndarray:
-    """Return smallest and largest corner of a thing seen from above [m], shape [2 2]."""
     points = thing.surface.vertices[:, :2]
     return np.stack([points.min(axis=0), points.max(axis=0)])

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import json
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
 from s2a.homes.room import Entry
+from s2a.scan.gltf_file import container
 from s2a.scene.scene import Joint, Mesh
 
 GROUPS = {
@@ -65,7 +65,6 @@ def parts_record(name: str, mesh: Mesh, numbers: np.ndarray, entries: list[Entry
 
 
 def _annotation(entry: Entry, mesh: Mesh, faces: np.ndarray) -> dict[str, Any]:
-    """Return the record of one part, whose surface is the given faces."""
     vertices = np.unique(mesh.faces[faces])
     return {
         "partId": entry.number,
@@ -133,7 +132,6 @@ def artic_record(name: str, entries: list[Entry], joints: dict[int, Joint]) -> d
 
 
 def _articulation(entry: Entry, joint: Joint) -> dict[str, Any]:
-    """Return the record of one joint."""
     record: dict[str, Any] = {
         "pid": entry.number,
         "type": "rotation" if joint.kind == "revolute" else "translation",
@@ -258,7 +256,6 @@ def _texture(triangles: np.ndarray, across: int, paint: Paint) -> np.ndarray:
 
 
 def _container(path: Path, corners: np.ndarray, coordinates: np.ndarray, indices: np.ndarray, image: bytes) -> None:
-    """Write the JSON and the binary part of a GLB."""
     blocks = [corners.tobytes(), coordinates.tobytes(), indices.tobytes(), image]
     padded = [block + b"\0" * (-len(block) % 4) for block in blocks]
     offsets = np.cumsum([0, *(len(block) for block in padded)])
@@ -276,12 +273,7 @@ def _container(path: Path, corners: np.ndarray, coordinates: np.ndarray, indices
         "buffers": [{"byteLength": int(offsets[-1])}],
     }
     text = json.dumps(content, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    binary = b"".join(padded)
-    with path.open("wb") as file:
-        file.write(struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary)))
-        file.write(struct.pack("<I4s", len(text), b"JSON") + text)
-        file.write(struct.pack("<I4s", len(binary), b"BIN\0") + binary)
+    path.write_bytes(container(text, b"".join(padded)))
 
 
 def _look() -> dict[str, Any]:

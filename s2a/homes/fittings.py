@@ -61,23 +61,16 @@ def sliding_door(rng: np.random.Generator, width: float, height: float, colors: 
     paint, wood, metal = colors
     side = pick(rng, (-1, 1))
     wide, high = width + 0.06, height - 0.01
-    rail = box(
-        (0.0, 0.05), sorted_pair(-side * wide / 2, side * (1.5 * wide + 0.03)), (height + 0.01, height + 0.05), metal
-    )
+    low, high_end = sorted((-side * wide / 2, side * (1.5 * wide + 0.03)))
+    rail = box((0.0, 0.05), (low, high_end), (height + 0.01, height + 0.05), metal)
     shape = fronts.front(pick(rng, ("slab", "framed", "grooved")), (0.036, wide, high), wood, WOOD, 0.12)
     grip = grips.design(rng, "bar", "rail", "square", "bow", color=metal)
     grip = replace(grip, length=rng.uniform(0.16, 0.5))
     pull = upright(grips.make(grip)).moved(at(0, -side * (wide / 2 - 0.06), 1.02 - high / 2))
-    joint = Joint(
-        "prismatic", (0.0, float(side), 0.0), (0.0, 0.0, 0.0), (0.0, round(rng.uniform(0.8, 0.98) * width, 4))
-    )
+    travel = round(rng.uniform(0.8, 0.98) * width, 4)
+    joint = Joint("prismatic", (0.0, float(side), 0.0), (0.0, 0.0, 0.0), (0.0, travel))
     leaf = Piece("sliding door", shape, (pull,), joint)
     return Piece("door frame", rail, (leaf.moved(at(0.048, 0, 0.006 + high / 2)),))
-
-
-def sorted_pair(a: float, b: float) -> tuple[float, float]:
-    """Return two numbers in ascending order."""
-    return (a, b) if a < b else (b, a)
 
 
 def window(rng: np.random.Generator, width: float, height: float, paint: Color, metal: Color) -> Piece:
@@ -97,12 +90,10 @@ def window(rng: np.random.Generator, width: float, height: float, paint: Color, 
 def _sash(
     rng: np.random.Generator, wide: float, height: float, side: tuple[int, int], paint: Color, metal: Color
 ) -> Piece:
-    """Return a glazed sash with its lever."""
     high, rail = height - 0.07, rng.uniform(0.055, 0.075)
     frame = ring(wide, high, rail, (-0.045, 0.0), paint).moved(at(0, 0, -high / 2))
-    pane = box(
-        (-0.036, -0.026), (-wide / 2 + rail, wide / 2 - rail), (-high / 2 + rail, high / 2 - rail), GLASS, dropout=0.8
-    )
+    y, z = wide / 2 - rail, high / 2 - rail
+    pane = box((-0.036, -0.026), (-y, y), (-z, z), GLASS, dropout=0.8)
     if side is BOTTOM:
         grip, limit = lever(rng, 1, metal).moved(at(0, 0, high / 2 - 0.04)), rng.uniform(0.15, 0.3)
     else:
@@ -188,9 +179,7 @@ def hang(plan: FloorPlan, count: int, work: bool = False) -> None:
     """Hang pictures, mirrors, clocks, shelves or whiteboards on the walls."""
     rng = plan.rng
     for _ in range(count):
-        kind = pick(
-            rng, ("picture", "picture", "picture", "clock", "mirror", "shelf", "whiteboard" if work else "picture")
-        )
+        kind = pick(rng, (*("picture",) * 3, "clock", "mirror", "shelf", "whiteboard" if work else "picture"))
         z = rng.uniform(1.2, 1.5)
         if kind == "picture":
             piece = objects.picture(rng, rng.uniform(0.25, 0.9), rng.uniform(0.25, 0.7))
@@ -219,12 +208,9 @@ def lamps(plan: FloorPlan) -> None:
     width, depth, height = plan.room.size
     for _ in range(12):
         x, y = plan.rng.uniform((0.3 * width, 0.3 * depth), (0.7 * width, 0.7 * depth))
-        low = chance(plan.rng, 0.5) and height > 2.45
-        lamp = (
-            objects.pendant_lamp(plan.rng.uniform(0.15, 0.3), plan.rng.uniform(0.12, 0.2))
-            if low
-            else objects.ceiling_lamp()
-        )
+        lamp = objects.ceiling_lamp()
+        if chance(plan.rng, 0.5) and height > 2.45:
+            lamp = objects.pendant_lamp(plan.rng.uniform(0.15, 0.3), plan.rng.uniform(0.12, 0.2))
         if plan.put([lamp], at(x, y, height - 0.001, plan.rng.uniform(0, 90))):
             return
 
@@ -244,19 +230,17 @@ def floor_objects(plan: FloorPlan, kinds: Sequence[str], count: int) -> None:
 
 
 def _floor_thing(rng: np.random.Generator, kind: str) -> Piece:
-    """Return a thing that stands on floors."""
     if kind == "plant":
         return objects.plant(rng, rng.uniform(0.5, 1.3))
     if kind == "box":
         return objects.carton((rng.uniform(0.25, 0.4), rng.uniform(0.3, 0.5), rng.uniform(0.2, 0.4)))
     makers = {"bag": objects.bag, "chair": lambda r: objects.chair(), "basket": clutter.basket, "crate": clutter.crate}
-    makers |= {"shoes": clutter.shoes, "can": lambda r: objects.trash_can(), "lamp": lambda r: objects.floor_lamp()}
+    makers |= {"shoes": objects.slippers, "can": lambda r: objects.trash_can(), "lamp": lambda r: objects.floor_lamp()}
     makers |= {"tower": _tower, "tools": clutter.tool_box, "teddy": lambda r: objects.teddy()}
     return makers[kind](rng)
 
 
 def _tower(rng: np.random.Generator) -> Piece:
-    """Return a computer on the floor."""
     x, y, z = rng.uniform(0.18, 0.24), rng.uniform(0.08, 0.11), rng.uniform(0.35, 0.5)
     front = box((x, x + 0.003), (-0.6 * y, 0.6 * y), (0.6 * z, 0.9 * z), (70, 72, 78))
     return Piece("computer tower", join(box((-x, x), (-y, y), (0, z), (40, 40, 44)), front))
@@ -269,12 +253,8 @@ def sockets(plan: FloorPlan) -> None:
         half, deep = 0.04 * integer(rng, 1, 2), rng.uniform(0.008, 0.012)
         plate = box((0, deep), (-half, half), (-0.04, 0.04), (240, 240, 236))
         switch = chance(rng, 0.4)
-        inner = box(
-            (deep, deep + 0.004),
-            (-0.7 * half, 0.7 * half),
-            (-0.03, 0.03),
-            (250, 250, 248) if switch else (190, 190, 188),
-        )
+        color: Color = (250, 250, 248) if switch else (190, 190, 188)
+        inner = box((deep, deep + 0.004), (-0.7 * half, 0.7 * half), (-0.03, 0.03), color)
         name, z = ("light switch", 1.05) if switch else ("power socket", 0.3)
         plan.against([Piece(name, join(plate, inner)).moved(at(0, 0, z))], gap=0.0005, askew=0.0)
 
@@ -286,6 +266,5 @@ def heater(plan: FloorPlan) -> None:
 
 def rug(plan: FloorPlan, color: Color) -> None:
     """Lay a rug on free floor."""
-    plan.anywhere(
-        [objects.rug(plan.rng.uniform(1.0, 1.9), plan.rng.uniform(0.7, 1.3), color, (206, 200, 188))], attempts=12
-    )
+    size = (plan.rng.uniform(1.0, 1.9), plan.rng.uniform(0.7, 1.3))
+    plan.anywhere([objects.rug(*size, color, (206, 200, 188))], attempts=12)

@@ -105,12 +105,10 @@ def _apart(piece: Piece) -> list[Piece]:
 
 
 def _all(piece: Piece) -> list[Piece]:
-    """Return a piece with all its parts and all that lies in them."""
     return [piece, *(below for part in (*piece.children, *piece.contents) for below in _all(part))]
 
 
 def _jointed(piece: Piece) -> list[Piece]:
-    """Return the parts of a piece that move."""
     return [part for part in _all(piece) if part.joint is not None]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from s2a.homes import draw, grips
 from s2a.homes.draw import chance, pick, weighted
 from s2a.homes.grips import QUARTER, GripDesign
-from s2a.homes.solids import PLAIN, WOOD, Color, Piece, Surface, at, box, join, rotation
+from s2a.homes.solids import PLAIN, WOOD, Color, Piece, Surface, at, boards_around, box, join, rotation
 from s2a.scene.scene import Joint
 
 
@@ -200,7 +200,6 @@ DOORS = ("bar", "rail", "square", "bow", "knob", "edge", "recess", "strap", "non
 
 
 def _near(rng: np.random.Generator, color: Color) -> Color:
-    """Return a colour like another one."""
     red, green, blue = np.clip(np.array(color) + rng.integers(-12, 13, 3), 0, 255).tolist()
     return (red, green, blue)
 
@@ -302,22 +301,16 @@ def front(kind: str, size: Size, color: Color, texture: int, frame: float) -> Su
     if kind == "grooved":
         return _grooved(size, color, texture)
     if kind == "mirror":
-        return join(
-            panel((size[0] - 0.004, *size[1:]), color, texture).moved(at(-0.004, 0)),
-            box((-0.004, 0), *_inner(size, 0.012), MIRROR, dropout=0.5),
-        )
+        back = panel((size[0] - 0.004, *size[1:]), color, texture).moved(at(-0.004, 0))
+        return join(back, box((-0.004, 0), *_inner(size, 0.012), MIRROR, dropout=0.5))
     return panel(size, color, texture)
 
 
 def ring(size: Size, frame: float, color: Color, texture: int) -> Surface:
     """Return the frame of a front as four boards."""
     thick, y, z = size[0], size[1] / 2, size[2] / 2
-    return join(
-        box((-thick, 0), (-y, y), (-z, -z + frame), color, texture),
-        box((-thick, 0), (-y, y), (z - frame, z), color, texture),
-        box((-thick, 0), (-y, -y + frame), (-z + frame, z - frame), color, texture),
-        box((-thick, 0), (y - frame, y), (-z + frame, z - frame), color, texture),
-    )
+    hole = (-y + frame, y - frame, -z + frame, z - frame)
+    return join(*boards_around(hole, (-thick, 0), (-y, y), (-z, z), color, texture))
 
 
 def inset(size: Size, frame: float, color: Color, texture: int, low: float, high: float, dropout: float) -> Surface:
@@ -332,7 +325,6 @@ def _inner(size: Size, frame: float) -> tuple[tuple[float, float], tuple[float, 
 
 
 def _slats(size: Size, frame: float, color: Color, texture: int) -> list[Surface]:
-    """Return tilted slats that fill a frame's height."""
     high, wide = size[2] - 2 * frame, size[1] / 2 - frame
     count = max(2, int(high / 0.04))
     step, deep = high / count, 0.8 * size[0]
@@ -356,12 +348,5 @@ def _grooved(size: Size, color: Color, texture: int) -> Surface:
 def pocketed(size: Size, hole: Pocket, depth: float, color: Color, texture: int) -> Surface:
     """Return a slab with a pocket of given depth [m] in its face for a recessed pull."""
     thick, y, z = size[0], size[1] / 2, size[2] / 2
-    left, right, low, high = hole
-    face = (-depth, 0.0)
-    return join(
-        box((-thick, -depth), (-y, y), (-z, z), color, texture),
-        box(face, (-y, y), (-z, low), color, texture),
-        box(face, (-y, y), (high, z), color, texture),
-        box(face, (-y, left), (low, high), color, texture),
-        box(face, (right, y), (low, high), color, texture),
-    )
+    back = box((-thick, -depth), (-y, y), (-z, z), color, texture)
+    return join(back, *boards_around(hole, (-depth, 0.0), (-y, y), (-z, z), color, texture))

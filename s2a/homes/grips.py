@@ -13,7 +13,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a.homes.draw import Range, chance, pick, weighted
-from s2a.homes.solids import Color, Piece, Surface, at, box, cylinder, join, lathe, painted, prism, rotation, stadium
+from s2a.homes.solids import (
+    Color,
+    Piece,
+    Surface,
+    at,
+    boards_around,
+    box,
+    cylinder,
+    join,
+    lathe,
+    painted,
+    prism,
+    rotation,
+    stadium,
+)
 
 STEEL: Color = (158, 160, 164)
 QUARTER = float(np.pi / 2)
@@ -38,9 +52,8 @@ def bar(length: float, width: float, depth: float, gap: float, post: float, colo
 
 def knob(radius: float, depth: float, color: Color = STEEL) -> Piece:
     """Return a round knob on a front at x = 0."""
-    shape = join(
-        cylinder(radius * 0.45, depth * 0.6, color), cylinder(radius, depth * 0.5, color).moved(at(0, 0, depth / 2))
-    )
+    head = cylinder(radius, depth * 0.5, color).moved(at(0, 0, depth / 2))
+    shape = join(cylinder(radius * 0.45, depth * 0.6, color), head)
     return Piece("knob", shape.moved(rotation((0, QUARTER, 0))), style="knob")
 
 
@@ -98,18 +111,9 @@ METALS: tuple[Color, ...] = (
     (96, 70, 46),
 )
 """Steel, black, brass, bronze, chrome, white, leather or wood."""
-WEIGHTS = {
-    "bar": 0.24,
-    "rail": 0.13,
-    "square": 0.10,
-    "bow": 0.13,
-    "knob": 0.16,
-    "cup": 0.06,
-    "edge": 0.07,
-    "recess": 0.04,
-    "strap": 0.03,
-    "none": 0.025,
-}
+WEIGHTS = dict(
+    bar=0.24, rail=0.13, square=0.10, bow=0.13, knob=0.16, cup=0.06, edge=0.07, recess=0.04, strap=0.03, none=0.025
+)
 """How often each family is drawn; "none" opens by a push."""
 STYLES = {"rail": "bar", "square": "bar"}
 """Style of the families that are bars of another section; every other family is its own style."""
@@ -207,9 +211,8 @@ def _rail(grip: GripDesign) -> Piece:
     """Return a round rod on two round posts inside of its ends, in steps of 32 mm as drawers are bored."""
     radius, far = grip.depth / 2, grip.clearance + grip.depth / 2
     bores = max(np.floor((grip.length - 0.03) / 0.032) * 0.032, grip.length / 2)
-    rod = cylinder(radius, grip.length, grip.color, sides=16).moved(
-        at(far, grip.length / 2) @ rotation((QUARTER, 0, 0))
-    )
+    lying = at(far, grip.length / 2) @ rotation((QUARTER, 0, 0))
+    rod = cylinder(radius, grip.length, grip.color, sides=16).moved(lying)
     turn = rotation((0, QUARTER, 0))
     posts = [cylinder(0.8 * radius, far, grip.color, sides=12).moved(at(0, s * bores / 2) @ turn) for s in (-1, 1)]
     return Piece("handle", join(rod, *posts))
@@ -238,12 +241,8 @@ def _strap(grip: GripDesign) -> Piece:
     angle = np.linspace(0.0, np.pi, 21)
     y, x = grip.length / 2 * np.cos(angle), grip.clearance * np.sin(angle) ** 1.5 + grip.depth
     path = np.stack([x, y, np.zeros_like(x)], axis=1)
-    screws = [
-        cylinder(0.005, grip.depth + 0.004, grip.color, sides=12).moved(
-            at(0, s * grip.length / 2) @ rotation((0, QUARTER, 0))
-        )
-        for s in (-1, 1)
-    ]
+    screw, turn = cylinder(0.005, grip.depth + 0.004, grip.color, sides=12), rotation((0, QUARTER, 0))
+    screws = [screw.moved(at(0, s * grip.length / 2) @ turn) for s in (-1, 1)]
     return Piece("handle", join(tube(path, grip.depth / 2, grip.width / 2, grip.color), *screws))
 
 
@@ -270,13 +269,9 @@ def _edge(grip: GripDesign) -> Piece:
 def _recess(grip: GripDesign) -> Piece:
     """Return the lining of a pocket in the front: a tray that is open towards +x; see `fronts.pocketed`."""
     y, z, deep, wall = grip.length / 2, grip.width / 2, grip.depth, 0.0015
-    sides = [
-        box((-deep, 0), (-y, y), (-z, -z + wall), grip.color),
-        box((-deep, 0), (-y, y), (z - wall, z), grip.color),
-        box((-deep, 0), (-y, -y + wall), (-z + wall, z - wall), grip.color),
-        box((-deep, 0), (y - wall, y), (-z + wall, z - wall), grip.color),
-    ]
-    floor = box((-deep, -deep + wall), (-y + wall, y - wall), (-z + wall, z - wall), grip.color)
+    hole = (-y + wall, y - wall, -z + wall, z - wall)
+    sides = boards_around(hole, (-deep, 0), (-y, y), (-z, z), grip.color)
+    floor = box((-deep, -deep + wall), hole[:2], hole[2:], grip.color)
     return Piece("handle", join(*sides, floor))
 
 

@@ -6,10 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from s2a.homes.draw import pick
 from s2a.homes.fronts import open_box
 from s2a.homes.grips import STEEL
 from s2a.homes.solids import (
     FABRIC,
+    PLAIN,
     WOOD,
     Color,
     Piece,
@@ -72,14 +74,9 @@ def basin(size: tuple[float, float, float], color: Color = STEEL, rim: float = 0
     deep, wide, down = size
     x, y, wall = deep / 2, wide / 2, 0.006
     bowl = open_box((deep, wide, down + lip), wall, color).moved(at(0, 0, -down))
-    frame = [
-        box((-x - rim, x + rim), (-y - rim, -y), (0, lip), color),
-        box((-x - rim, x + rim), (y, y + rim), (0, lip), color),
-        box((-x - rim, -x), (-y, y), (0, lip), color),
-        box((x, x + rim), (-y, y), (0, lip), color),
-    ]
+    around = counter((-y - rim, y + rim), (-x - rim, x + rim), (0, lip), (-x, x, -y, y), color, PLAIN)
     drain = cylinder(0.032, 0.004, (90, 92, 96)).moved(at(0, 0, wall - down))
-    return Piece("sink", join(bowl, *frame, drain))
+    return Piece("sink", join(bowl, around.surface, drain))
 
 
 def counter(
@@ -118,13 +115,13 @@ def pot(radius: float, height: float) -> Piece:
 def jar(rng: np.random.Generator) -> Piece:
     """Return a storage jar with a lid."""
     radius, height = rng.uniform(0.035, 0.055), rng.uniform(0.1, 0.18)
-    body = cylinder(radius, height, BRIGHT[rng.integers(len(BRIGHT))])
+    body = cylinder(radius, height, pick(rng, BRIGHT))
     return Piece("jar", join(body, cylinder(radius + 0.003, 0.02, (196, 170, 130), WOOD).moved(at(0, 0, height))))
 
 
 def bottle(rng: np.random.Generator, height: float, name: str = "bottle") -> Piece:
     """Return a bottle with a neck and a cap."""
-    radius, color = 0.145 * height, BRIGHT[rng.integers(len(BRIGHT))]
+    radius, color = 0.145 * height, pick(rng, BRIGHT)
     body = lathe([(0, 0), (radius, 0), (radius, 0.62 * height), (0.4 * radius, 0.8 * height), (0, 0.8 * height)], color)
     neck = cylinder(0.4 * radius, 0.94 * height, color)
     return Piece(name, join(body, neck, cylinder(0.5 * radius, 0.08 * height, WHITE).moved(at(0, 0, 0.92 * height))))
@@ -146,13 +143,13 @@ def plate(radius: float) -> Piece:
 
 def mat(rng: np.random.Generator, depth: float, width: float, name: str) -> Piece:
     """Return a thick mat on the floor, centred on the origin."""
-    pile = box((-depth / 2, depth / 2), (-width / 2, width / 2), (0, 0.02), BRIGHT[rng.integers(len(BRIGHT))], FABRIC)
+    pile = box((-depth / 2, depth / 2), (-width / 2, width / 2), (0, 0.02), pick(rng, BRIGHT), FABRIC)
     return Piece(name, pile)
 
 
 def hanging_towel(rng: np.random.Generator, width: float, length: float) -> Piece:
     """Return a towel folded over a rod along y through the origin, its longer half in front."""
-    color = BRIGHT[rng.integers(len(BRIGHT))]
+    color = pick(rng, BRIGHT)
     y = (-width / 2, width / 2)
     folds = [
         box(
@@ -161,6 +158,7 @@ def hanging_towel(rng: np.random.Generator, width: float, length: float) -> Piec
             (-length, 0.012),
             color,
             FABRIC,
+            PLAIN,
         )
         for i in range(6)
     ]
@@ -178,7 +176,7 @@ def towel_stack(rng: np.random.Generator, count: int) -> Piece:
     """Return a pile of folded towels."""
     folded = []
     for i in range(count):
-        color = BRIGHT[rng.integers(len(BRIGHT))]
+        color = pick(rng, BRIGHT)
         x, y = 0.12 + rng.uniform(-0.008, 0.008), 0.15 + rng.uniform(-0.008, 0.008)
         folded.append(box((-x, x), (-y, y), (0.055 * i, 0.055 * (i + 1) - 0.004), color, FABRIC))
     return Piece("towel", join(*folded))
@@ -198,7 +196,7 @@ def toothbrush_cup(rng: np.random.Generator) -> Piece:
     beaker = lathe([(0, 0), (0.034, 0), (0.038, 0.1), (0.034, 0.1), (0.03, 0.006), (0, 0.006)], (206, 222, 224))
     brushes = []
     for tilt in (0.25, -0.2):
-        color = BRIGHT[rng.integers(len(BRIGHT))]
+        color = pick(rng, BRIGHT)
         stick = box((-0.004, 0.004), (-0.005, 0.005), (0, 0.19), color)
         head = box((0.004, 0.014), (-0.006, 0.006), (0.16, 0.19), WHITE)
         brushes.append(join(stick, head).moved(at(-0.1 * tilt, 0, 0.012) @ rotation((0, tilt, 0))))
@@ -207,6 +205,6 @@ def toothbrush_cup(rng: np.random.Generator) -> Piece:
 
 def tissue_box(rng: np.random.Generator) -> Piece:
     """Return a box of tissues with one drawn out."""
-    carton = box((-0.06, 0.06), (-0.115, 0.115), (0, 0.08), BRIGHT[rng.integers(len(BRIGHT))])
+    carton = box((-0.06, 0.06), (-0.115, 0.115), (0, 0.08), pick(rng, BRIGHT))
     tissue = lathe([(0.045, 0.08), (0.01, 0.13), (0, 0.08)], WHITE, FABRIC, sides=7, squeeze=1.5)
     return Piece("tissue box", join(carton, tissue))

@@ -199,7 +199,6 @@ def island(rng: np.random.Generator, sizes: Fitted, style: Style, length: float)
 
 
 def _stool(style: Style) -> Piece:
-    """Return a bar stool 0.65 m high."""
     legs = posts((-0.15, 0.125), (-0.15, 0.125), (0, 0.62), 0.025, style.dark)
     return Piece("stool", join(*legs, box((-0.17, 0.17), (-0.17, 0.17), (0.62, 0.65), style.top, WOOD)))
 

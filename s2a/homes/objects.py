@@ -26,14 +26,7 @@ from s2a.homes.solids import (
 
 BLACK, GREY, STEEL, WHITE = (38, 38, 42), (120, 122, 126), (168, 170, 174), (235, 235, 232)
 CLOTH: tuple[Color, ...] = ((52, 74, 110), (120, 44, 48), (64, 96, 72), (90, 90, 96))
-SPINES: tuple[Color, ...] = (
-    (150, 40, 40),
-    (36, 70, 120),
-    (40, 100, 70),
-    (200, 160, 60),
-    (90, 60, 110),
-    (220, 214, 200),
-)
+SPINES: list[Color] = [(150, 40, 40), (36, 70, 120), (40, 100, 70), (200, 160, 60), (90, 60, 110), (220, 214, 200)]
 
 
 def office_chair(rng: np.random.Generator) -> Piece:
@@ -43,9 +36,8 @@ def office_chair(rng: np.random.Generator) -> Piece:
     wheels = [ellipsoid((0.06, 0.04, 0.06), BLACK).moved(at(0, 0, 0, 72 * i) @ at(0.29, 0, 0.03)) for i in range(5)]
     column = cylinder(0.03, 0.36, BLACK).moved(at(0, 0, 0.06))
     seat = box((-0.23, 0.25), (-0.24, 0.24), (0.42, 0.5), cloth, FABRIC)
-    back = box((-0.04, 0.04), (-0.22, 0.22), (0.12, 0.62), cloth, FABRIC).moved(
-        at(-0.24, 0, 0.46) @ rotation((0, -0.15, 0))
-    )
+    back = box((-0.04, 0.04), (-0.22, 0.22), (0.12, 0.62), cloth, FABRIC)
+    back = back.moved(at(-0.24, 0, 0.46) @ rotation((0, -0.15, 0)))
     spine = box((-0.3, -0.2), (-0.03, 0.03), (0.42, 0.75), BLACK)
     return Piece("office chair", join(*arms, *wheels, column, seat, back, spine))
 
@@ -64,9 +56,8 @@ def book(rng: np.random.Generator, standing: bool = True) -> tuple[Piece, float]
     thick, tall, deep = rng.uniform(0.018, 0.05), rng.uniform(0.19, 0.27), rng.uniform(0.13, 0.19)
     color = draw.pick(rng, SPINES)
     cover = box((-deep, 0), (-thick / 2, thick / 2), (0, tall), color)
-    pages = box(
-        (-deep - 0.001, -0.004), (-thick / 2 + 0.003, thick / 2 - 0.003), (0.003, tall + 0.001), (238, 232, 214)
-    )
+    y = (-thick / 2 + 0.003, thick / 2 - 0.003)
+    pages = box((-deep - 0.001, -0.004), y, (0.003, tall + 0.001), (238, 232, 214))
     shape = join(cover, pages)
     if not standing:
         shape = shape.moved(at(deep / 2, -tall / 2, thick / 2) @ rotation((-np.pi / 2, 0, 0)))
@@ -110,24 +101,16 @@ def trash_can() -> Piece:
 def plant(rng: np.random.Generator, height: float) -> Piece:
     """Return a pot with a leafy plant of given height [m]."""
     size = 0.3 * height
-    profile = [
-        (0, 0),
-        (0.35 * size, 0),
-        (0.5 * size, size),
-        (0.45 * size, size),
-        (0.44 * size, 0.9 * size),
-        (0, 0.9 * size),
-    ]
+    outside, low = [(0, 0), (0.35 * size, 0), (0.5 * size, size), (0.45 * size, size)], 0.9 * size
     leaves: list[Surface] = [cylinder(0.01 + 0.01 * height, 0.45 * height, (96, 76, 50)).moved(at(0, 0, size * 0.85))]
     for i in range(26):
         length = height * rng.uniform(0.25, 0.42)
-        leaf = ellipsoid(
-            (length, 0.4 * length, 0.012), (52 + int(rng.integers(30)), 118 + int(rng.integers(40)), 52), sides=8
-        )
+        green = (52 + int(rng.integers(30)), 118 + int(rng.integers(40)), 52)
+        leaf = ellipsoid((length, 0.4 * length, 0.012), green, sides=8)
         pitch = rng.uniform(-1.2, 0.3)
         turn = rotation((0, 0, 2.4 * i)) @ rotation((0, pitch, 0)) @ at(0.45 * length, 0)
         leaves.append(leaf.moved(at(0, 0, size + height * rng.uniform(0.1, 0.42)) @ turn))
-    return Piece("plant", join(lathe(profile, (176, 96, 64)), *leaves))
+    return Piece("plant", join(lathe([*outside, (0.44 * size, low), (0, low)], (176, 96, 64)), *leaves))
 
 
 def carton(size: tuple[float, float, float]) -> Piece:
@@ -190,13 +173,8 @@ def bag(rng: np.random.Generator) -> Piece:
 
 def paper_stack(rng: np.random.Generator) -> Piece:
     """Return a pile of paper."""
-    sheets = [
-        box((-0.105, 0.105), (-0.148, 0.148), (0.008 * i, 0.008 * (i + 1)), WHITE, PLAIN).moved(
-            at(0, 0, 0, rng.uniform(-8, 8))
-        )
-        for i in range(4)
-    ]
-    return Piece("paper", join(*sheets))
+    layers = [box((-0.105, 0.105), (-0.148, 0.148), (0.008 * i, 0.008 * (i + 1)), WHITE, PLAIN) for i in range(4)]
+    return Piece("paper", join(*(layer.moved(at(0, 0, 0, rng.uniform(-8, 8))) for layer in layers)))
 
 
 def cushion(size: tuple[float, float, float], color: Color, square: float = 5.0, flat: float = 2.4) -> Surface:
@@ -278,21 +256,16 @@ def bowl(rng: np.random.Generator, fruit: bool = True) -> Piece:
     """Return a bowl 0.26 m across, with fruit in it."""
     profile = [(0, 0), (0.06, 0), (0.13, 0.08), (0.124, 0.08), (0.055, 0.008), (0, 0.008)]
     colors: tuple[Color, ...] = ((200, 60, 40), (226, 150, 40), (120, 160, 60))
-    balls = [
-        ellipsoid((0.075, 0.075, 0.075), colors[i % 3]).moved(
-            at(0.045 * np.cos(2.1 * i), 0.045 * np.sin(2.1 * i), 0.055 + 0.002 * rng.uniform())
-        )
-        for i in range(3)
-    ]
+    places = [at(0.045 * np.cos(2.1 * i), 0.045 * np.sin(2.1 * i), 0.055 + 0.002 * rng.uniform()) for i in range(3)]
+    balls = [ellipsoid((0.075, 0.075, 0.075), colors[i]).moved(places[i]) for i in range(3)]
     return Piece("bowl", join(lathe(profile, (210, 206, 196)), *(balls if fruit else [])))
 
 
 def candle(height: float) -> Piece:
     """Return a thick candle on a dish."""
     wax = cylinder(0.035, height, (236, 222, 190)).moved(at(0, 0, 0.01))
-    return Piece(
-        "candle", join(cylinder(0.06, 0.01, STEEL), wax, cylinder(0.002, 0.012, BLACK).moved(at(0, 0, height + 0.01)))
-    )
+    wick = cylinder(0.002, 0.012, BLACK).moved(at(0, 0, height + 0.01))
+    return Piece("candle", join(cylinder(0.06, 0.01, STEEL), wax, wick))
 
 
 def alarm_clock() -> Piece:
@@ -304,9 +277,8 @@ def alarm_clock() -> Piece:
 def photo(rng: np.random.Generator) -> Piece:
     """Return a framed photograph that leans on its strut."""
     image = draw.random_color(rng, 70, 220)
-    frame = join(
-        box((-0.012, 0), (-0.08, 0.08), (0, 0.22), OAK, WOOD), box((0, 0.0015), (-0.062, 0.062), (0.018, 0.202), image)
-    )
+    paper = box((0, 0.0015), (-0.062, 0.062), (0.018, 0.202), image)
+    frame = join(box((-0.012, 0), (-0.08, 0.08), (0, 0.22), OAK, WOOD), paper)
     strut = box((-0.06, -0.052), (-0.02, 0.02), (0, 0.16), BLACK).moved(rotation((0, 0.12, 0)) @ at(0, 0, 0.004))
     return Piece("picture", join(frame.moved(rotation((0, -0.2, 0)) @ at(0, 0, 0.003)), strut))
 
@@ -320,9 +292,8 @@ def floor_lamp() -> Piece:
 
 def pendant_lamp(drop: float, radius: float = 0.22) -> Piece:
     """Return a lamp that hangs from the ceiling z = 0 on a cord of given length [m], with a paper globe."""
-    globe = ellipsoid((2 * radius, 2 * radius, 1.7 * radius), SHADE, FABRIC, sides=20).moved(
-        at(0, 0, -drop - 0.8 * radius)
-    )
+    globe = ellipsoid((2 * radius, 2 * radius, 1.7 * radius), SHADE, FABRIC, sides=20)
+    globe = globe.moved(at(0, 0, -drop - 0.8 * radius))
     cord = cylinder(0.004, drop, WHITE).moved(at(0, 0, -drop))
     return Piece("ceiling lamp", join(cylinder(0.05, 0.025, WHITE).moved(at(0, 0, -0.025)), cord, globe))
 
@@ -348,6 +319,5 @@ def teddy() -> Piece:
         *(((0.16, 0.08, 0.08), (0.12, y, 0.045), fur) for y in (-0.07, 0.07)),
         *(((0.12, 0.06, 0.07), (0.05, y, 0.15), fur) for y in (-0.11, 0.11)),
     ]
-    return Piece(
-        "teddy bear", join(*(ellipsoid(size, color, FABRIC).moved(at(*place)) for size, place, color in sizes_places))
-    )
+    parts = [ellipsoid(size, color, FABRIC).moved(at(*place)) for size, place, color in sizes_places]
+    return Piece("teddy bear", join(*parts))

@@ -151,7 +151,6 @@ def _on_desk(rng: np.random.Generator, work: str, size: tuple[float, float, floa
 
 
 def _under(rng: np.random.Generator, style: Style, size: tuple[float, float], y: float) -> Piece:
-    """Return a flat drawer that hangs under a desk's top."""
     deep, high = size
     wide, tall = rng.uniform(0.4, 0.56), rng.uniform(0.1, 0.15)
     drawer = Cell(1.0, DRAWER)
@@ -160,7 +159,6 @@ def _under(rng: np.random.Generator, style: Style, size: tuple[float, float], y:
 
 
 def _stool(style: Style) -> Piece:
-    """Return a work stool 0.6 m high."""
     legs = posts((-0.15, 0.12), (-0.15, 0.12), (0, 0.57), 0.03, style.dark)
     return Piece("stool", join(*legs, box((-0.18, 0.18), (-0.18, 0.18), (0.57, 0.6), style.top, style.texture)))
 

@@ -160,7 +160,6 @@ def _porthole(rng: np.random.Generator, hole: float) -> Piece:
 
 
 def _soap_drawer(travel: float) -> Piece:
-    """Return the drawer for detergent."""
     shape = join(
         box((-0.02, 0), (-0.078, 0.078), (-0.05, 0.05), WHITE),
         box((-travel - 0.04, -0.02), (-0.065, 0.065), (-0.045, 0.03), (180, 190, 200)),

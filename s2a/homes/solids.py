@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from s2a.scene.scene import Joint, Mesh
 
 Color = tuple[int, int, int]
+Span = tuple[float, float]
+Hole = tuple[float, float, float, float]
 PLAIN, WOOD, FABRIC, TILES = range(4)
 """How a colour varies over a surface (see `s2a.homes.capture`)."""
 
@@ -160,6 +162,13 @@ def box(
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))]
     return painted(vertices, faces, color, texture, dropout)
+
+
+def boards_around(hole: Hole, x: Span, y: Span, z: Span, color: Color, texture: int = PLAIN) -> list[Surface]:
+    """Return four boards about a hole (y from, y to, z from, z to) in a slab [m]: below, above, at either side."""
+    left, right, low, high = hole
+    spans = ((y, (z[0], low)), (y, (high, z[1])), ((y[0], left), (low, high)), ((right, y[1]), (low, high)))
+    return [box(x, *span, color, texture) for span in spans]
 
 
 def posts(

@@ -29,7 +29,6 @@ CAP = (0.016, 0.03)
 
 
 def _base(rng: np.random.Generator, legs: tuple[float, float] = (0.06, 0.2), things: int = 4) -> Footing:
-    """Return legs or a plinth, and a top board."""
     on_legs = chance(rng, 0.5)
     height = rng.uniform(*(legs if on_legs else (0.04, 0.1)))
     return Footing("legs" if on_legs else "plinth", height, rng.uniform(*CAP), integer(rng, 0, things))

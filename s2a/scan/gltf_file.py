@@ -129,6 +129,13 @@ class GltfFile:
         return values
 
 
+def container(text: bytes, payload: bytes) -> bytes:
+    """Return the bytes of a GLB file (glTF 2.0) from its JSON and its buffer, whose length is a multiple of 4."""
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(payload), b"BIN\0") + payload
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:
     if data[:4] != b"glTF":
         raise InputError(f"{path}: is no GLB file; export it again")

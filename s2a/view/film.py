@@ -66,16 +66,16 @@ def films(path: Path, stage: Path) -> list[Film]:
             raise InputError(
                 f"key {key!r}: {file} does not exist; give states=FILE.npz of s2a evaluate and its stage=ROOM.usd"
             )
-    found = states.one_of_each(path, stage)
+    record = states.one_of_each(path, stage)
     content = sim_stage.read(stage)
-    room, shown = thinned(of_sim_room(content), MAX_FACES), states.of_states(found, content)
-    return [_film(room, shown, world, found, k) for k, world in enumerate(shown.worlds)]
+    room, shown = thinned(of_sim_room(content), MAX_FACES), states.of_states(record, content)
+    return [_film(room, shown, world, record, k) for k, world in enumerate(shown.worlds)]
 
 
-def _film(room: PageRoom, shown: Played, world: PlayedWorld, found: States, k: int) -> Film:
+def _film(room: PageRoom, shown: Played, world: PlayedWorld, record: States, k: int) -> Film:
     speed, chosen = timed(world.frames, shown.rate)
     data = encoded(_images(room, shown, world, chosen), RATE)
-    ended = {None: "outcome not kept", True: "success", False: "failure"}[found.success[k] if found.success else None]
+    ended = {None: "outcome not kept", True: "success", False: "failure"}[record.success[k] if record.success else None]
     opened = [
         f"{part} {q[-1] / unit(room.joints[part])[1]:.0f} {unit(room.joints[part])[0]} at the end"
         for part, q in world.q.items()
@@ -108,8 +108,8 @@ def _images(room: PageRoom, shown: Played, world: PlayedWorld, frames: list[int]
         return render([*meshes, *links], view, CAMERA)
 
     different = list(dict.fromkeys(frames))
-    found = dict(zip(different, in_parallel(image, different), strict=True))
-    return [found[k] for k in frames]
+    images = dict(zip(different, in_parallel(image, different), strict=True))
+    return [images[k] for k in frames]
 
 
 def viewpoint(room: PageRoom, world: PlayedWorld) -> CameraPose:
@@ -153,7 +153,6 @@ def _mp4(images: list[np.ndarray], rate: int, quality: int) -> bytes:
 
 
 def _posed(mesh: Mesh, pose: np.ndarray) -> Mesh:
-    """Return a mesh moved by a matrix [4 4]."""
     if np.array_equal(pose, np.eye(4)):
         return mesh
     return Mesh(mesh.vertices @ pose[:3, :3].T + pose[:3, 3], mesh.faces, mesh.colors)

@@ -134,28 +134,18 @@ def read(path: Path) -> States:
         with np.load(path, allow_pickle=False) as file:
             content = {name: file[name] for name in file.files}
         ends = np.cumsum(content["frames"])[:-1]
-        groups = {
-            group: {
-                name.removeprefix(group): np.split(content[name], ends) for name in content if name.startswith(group)
-            }
-            for group in ("part.", "object.")
-        }
+        groups: dict[str, dict[str, list[np.ndarray]]] = {"part.": {}, "object.": {}}
+        for name in content:
+            group = name.partition(".")[0] + "."
+            if group in groups and "." in name:
+                groups[group][name.removeprefix(group)] = np.split(content[name], ends)
         joints = np.split(content["joints"], ends)
         names = [str(name) for name in content["names"]]
         success = [bool(value) for value in content["success"]] if "success" in content else None
         _check(content, len(names), success)
-        robot, sha256 = str(content["robot"]), str(content["sha256"])
-        return States(
-            float(content["rate"]),
-            robot,
-            content["base"],
-            sha256,
-            names,
-            joints,
-            groups["part."],
-            groups["object."],
-            success,
-        )
+        rate, robot, sha256 = float(content["rate"]), str(content["robot"]), str(content["sha256"])
+        moved = groups["part."], groups["object."]
+        return States(rate, robot, content["base"], sha256, names, joints, *moved, success)
     except (*UNREADABLE, IndexError, TypeError) as error:
         raise InputError(f"{path}: no file of s2a evaluate states=... ({error})") from error
 
@@ -176,6 +166,7 @@ def _check(content: Mapping[str, np.ndarray], worlds: int, success: list[bool] |
 
 INFO = "meta/info.json"
 POSE = 7
+PARTS, OBJECTS = "observation.part", "observation.objects"
 
 
 def read_demonstrations(root: Path, first: int, count: int) -> States:
@@ -196,13 +187,9 @@ def read_demonstrations(root: Path, first: int, count: int) -> States:
         if not chosen:
             raise InputError(f"{root} has {total} episodes; there is none with index {first}: give a smaller 'first'")
         episodes = [_columns(root, info, index) for index in chosen]
-        names = {
-            key: info["features"][key]["names"]
-            for key in ("observation.part", "observation.objects")
-            if key in info["features"]
-        }
+        names = {key: feature["names"] for key, feature in info["features"].items() if key in (PARTS, OBJECTS)}
         joints = len(robot.load(about["robot"]).joints)
-        objects = [name.rpartition(".")[0] for name in names.get("observation.objects", [])[::POSE]]
+        objects = [name.rpartition(".")[0] for name in names.get(OBJECTS, [])[::POSE]]
         return States(
             float(info["fps"]),
             about["robot"],
@@ -210,14 +197,8 @@ def read_demonstrations(root: Path, first: int, count: int) -> States:
             about["stage_sha256"],
             [f"episode {index}" for index in chosen],
             [each["observation.state"][:, :joints] for each in episodes],
-            {
-                part: [each["observation.part"][:, i] for each in episodes]
-                for i, part in enumerate(names.get("observation.part", []))
-            },
-            {
-                part: [each["observation.objects"][:, POSE * i : POSE * (i + 1)] for each in episodes]
-                for i, part in enumerate(objects)
-            },
+            {part: [each[PARTS][:, i] for each in episodes] for i, part in enumerate(names.get(PARTS, []))},
+            {part: [each[OBJECTS][:, POSE * i :][:, :POSE] for each in episodes] for i, part in enumerate(objects)},
             [True] * len(chosen),  # others are not kept
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
@@ -232,8 +213,8 @@ def _columns(root: Path, info: dict[str, Any], index: int) -> dict[str, np.ndarr
     file = root / info["data_path"].format(chunk_index=index // size, file_index=index % size)
     table = pq.read_table(file)
     wanted = [name for name in table.column_names if name.startswith("observation.")]
-    found = {name: np.array(table[name].to_pylist(), dtype=float) for name in wanted}
-    return {name: each.reshape(len(each), -1) for name, each in found.items()}
+    columns = {name: np.array(table[name].to_pylist(), dtype=float) for name in wanted}
+    return {name: each.reshape(len(each), -1) for name, each in columns.items()}
 
 
 DETAIL = 0.006
@@ -254,9 +235,9 @@ def read_played(path: Path, stage: Path, first: int, count: int) -> States:
     Raises:
         InputError: another file, no such world, or another room.
     """
-    found = read_demonstrations(path, first, count) if path.is_dir() else _some(read(path), path, first, count)
-    _check_room(found, path, stage)
-    return found
+    record = read_demonstrations(path, first, count) if path.is_dir() else _some(read(path), path, first, count)
+    _check_room(record, path, stage)
+    return record
 
 
 def one_of_each(path: Path, stage: Path) -> States:
@@ -275,40 +256,39 @@ def one_of_each(path: Path, stage: Path) -> States:
     return every.of_worlds([outcomes.index(value) for value in (True, False) if value in outcomes])
 
 
-def _check_room(found: States, path: Path, stage: Path) -> None:
-    """Raise an InputError unless states are of a room."""
-    if found.sha256 != layer_hash(stage):
+def _check_room(record: States, path: Path, stage: Path) -> None:
+    if record.sha256 != layer_hash(stage):
         raise InputError(f"{stage} is not the room that {path} is of, or was prepared again")
 
 
-def of_states(found: States, room: SimRoom) -> Played:
+def of_states(record: States, room: SimRoom) -> Played:
     """Return what a page plays of states in a room.
 
     Raises:
         InputError: coordinates of another robot, or parts that the room does not have.
     """
-    if other := {*found.parts} - {*room.articulations} | {*found.objects} - {*room.free}:
+    if other := {*record.parts} - {*room.articulations} | {*record.objects} - {*room.free}:
         raise InputError(f"{room.name} has no part {min(other)!r} that moves; give the room that the states are of")
-    if (count := len(robot.load(found.robot).joints)) != found.joints[0].shape[-1]:
+    if (count := len(robot.load(record.robot).joints)) != record.joints[0].shape[-1]:
         raise InputError(
-            f"the states have {found.joints[0].shape[-1]} joints, and {found.robot} has {count}; evaluate again"
+            f"the states have {record.joints[0].shape[-1]} joints, and {record.robot} has {count}; evaluate again"
         )
     with wp.ScopedDevice("cpu"):
         builder = newton.ModelBuilder()
         newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-        add_robot(builder, robot.load(found.robot), wp.transform(*found.base[:3], *found.base[3:]), visuals=True)
+        add_robot(builder, robot.load(record.robot), wp.transform(*record.base[:3], *record.base[3:]), visuals=True)
         bodies, links = _links(builder)
         model = builder.finalize()
         worlds = tuple(
             PlayedWorld(
                 name,
-                {part: each[k] for part, each in found.parts.items()},
-                {part: _moved(each[k], room, part) for part, each in found.objects.items()},
-                _poses(model, found.joints[k])[:, bodies],
+                {part: each[k] for part, each in record.parts.items()},
+                {part: _moved(each[k], room, part) for part, each in record.objects.items()},
+                _poses(model, record.joints[k])[:, bodies],
             )
-            for k, name in enumerate(found.names)
+            for k, name in enumerate(record.names)
         )
-    return Played(found.rate, tuple(links), worlds)
+    return Played(record.rate, tuple(links), worlds)
 
 
 def _some(every: States, path: Path, first: int, count: int) -> States:
@@ -339,12 +319,12 @@ def _links(builder: newton.ModelBuilder) -> tuple[list[int], list[Mesh]]:
 
 def _poses(model: newton.Model, joints: np.ndarray) -> np.ndarray:
     """Return the poses of all bodies, shape [frame body 7], for joint coordinates [frame joint]."""
-    state, found = model.state(), []
+    state, poses = model.state(), []
     for q in joints.astype(np.float32):
         model.joint_q.assign(q)
         newton.eval_fk(model, model.joint_q, model.joint_qd, state)
-        found.append(state.body_q.numpy().copy())
-    return np.array(found)
+        poses.append(state.body_q.numpy().copy())
+    return np.array(poses)
 
 
 def _moved(poses: np.ndarray, room: SimRoom, part: str) -> np.ndarray:

@@ -54,7 +54,6 @@ def _entry(item: Download) -> str:
 
 
 def _truth(item: Download) -> tuple[str, dict[str, object]]:
-    """Return an object's name and its ground truth."""
     return item.object.slug, {
         "object": f"objects/{item.file}",
         **item.truth(np.ptp(item.object.surface.vertices, axis=0)),

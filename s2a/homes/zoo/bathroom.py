@@ -126,7 +126,6 @@ def _shaving_brush() -> Surface:
 
 
 def _beak() -> Surface:
-    """A duck's bill."""
     return join(ball((26, 26, 7), p.ORANGE, 4, 0, 3), ball((20, 22, 6), p.RED, 3, 0, -2))
 
 

@@ -61,9 +61,8 @@ def _teddy() -> Surface:
     ]
     snout = join(ball((50, 62, 48), p.TAN, 62, 0, 195), ball((16, 24, 17), p.BLACK, 86, 0, 204))
     eyes = [ball((10, 14, 14), p.BLACK, 64, s * 28, 228) for s in (-1, 1)]
-    bow = [ball((22, 52, 32), p.RED, 62, s * 26, 152, roll=s * 12) for s in (-1, 1)] + [
-        ball((24, 18, 18), p.RED, 66, 0, 152)
-    ]
+    bow = [ball((22, 52, 32), p.RED, 62, s * 26, 152, roll=s * 12) for s in (-1, 1)]
+    bow += [ball((24, 18, 18), p.RED, 66, 0, 152)]
     return settled(join(body, head, *ears, *legs, *soles, *arms, snout, *eyes, *bow), 6)
 
 

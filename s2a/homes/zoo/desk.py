@@ -231,9 +231,8 @@ def _desk_calendar() -> Surface:
 # A ring binder for A4, 320 mm high, standing, its spine to the front.
 @zoo_object("ring binder", "stationery", "inside")
 def _binder() -> Surface:
-    cover = [box((-285, 0), (y, y + 3), (0, 320), p.BLUE) for y in (-38, 35)] + [
-        box((-3, 0), (-38, 38), (0, 320), p.BLUE)
-    ]
+    cover = [box((-285, 0), (y, y + 3), (0, 320), p.BLUE) for y in (-38, 35)]
+    cover += [box((-3, 0), (-38, 38), (0, 320), p.BLUE)]
     paper = box((-272, -30), (-33, 22), (6, 303), p.WHITE)
     label = join(
         box((0, 0.8), (-26, 26), (150, 290), p.WHITE),
@@ -254,9 +253,8 @@ def _post_it() -> Surface:
 
 @zoo_object("abacus", "stationery", rare=True)  # 240 mm wide, standing, ten beads on each of seven rods
 def _abacus() -> Surface:
-    frame = [box((-12, 12), (y, y + 12), (0, 200), p.BROWN) for y in (-120, 108)] + [
-        box((-12, 12), (-120, 120), z, p.BROWN) for z in ((14, 26), (188, 200))
-    ]
+    frame = [box((-12, 12), (y, y + 12), (0, 200), p.BROWN) for y in (-120, 108)]
+    frame += [box((-12, 12), (-120, 120), z, p.BROWN) for z in ((14, 26), (188, 200))]
     feet = [pebble((90, 18, 16), p.BROWN, 6, 0, y) for y in (-114, 114)]
     paints = (p.RED, p.ORANGE, p.YELLOW, p.GREEN, p.TEAL, p.BLUE, p.PURPLE)
     rods, bead = [tube([(0, -110, 40 + 22 * k), (0, 110, 40 + 22 * k)], 2, p.STEEL, 6) for k in range(7)], {}

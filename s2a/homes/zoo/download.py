@@ -6,7 +6,6 @@ Files of coloured meshes are as modellers export them: the coordinates as they a
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from pxr import Usd, UsdGeom, Vt
 from s2a.core.color_space import to_linear
 from s2a.homes.solids import rotation, translation
 from s2a.homes.zoo.shapes import ZooObject
+from s2a.scan.gltf_file import container
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import save
 
@@ -76,12 +76,7 @@ def write_glb(path: Path, mesh: Mesh, unit: float, up: str) -> None:
         ],
         "buffers": [{"byteLength": int(starts[-1])}],
     }
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = (
-        struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", starts[-1], b"BIN\0") + b"".join(blocks)
-    )
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    path.write_bytes(container(json.dumps(document).encode(), b"".join(blocks)))
 
 
 def write_usda(path: Path, mesh: Mesh, unit: float, up: str) -> None:

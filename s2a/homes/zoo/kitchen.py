@@ -68,9 +68,8 @@ def _loaf() -> Surface:
 def _pizza() -> Surface:
     base = join(cylinder(146, 12, p.TAN, sides=40), put(ring(138, 26, p.BRONZE, 0.9), z=11))
     cheese = put(join(cylinder(130, 4, p.RED, sides=40), cylinder(124, 6, p.YELLOW, sides=40)), z=12)
-    spots = [(0, 0)] + [
-        (r * np.cos(a), r * np.sin(a)) for r, n in ((55, 5), (98, 9)) for a in 2 * np.pi * np.arange(n) / n
-    ]
+    spots = [(0, 0)]
+    spots += [(r * np.cos(a), r * np.sin(a)) for r, n in ((55, 5), (98, 9)) for a in 2 * np.pi * np.arange(n) / n]
     salami = [rod(19, 4, p.RED, x, y, 17, sides=16) for x, y in spots[::2]]
     basil = [ball((26, 13, 5), p.GREEN, x, y, 20, yaw=7 * x) for x, y in spots[1::2]]
     olives = [put(ring(6, 5, p.BLACK), 0.8 * y, -0.8 * x, 20) for x, y in spots[2::3]]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
-from s2a.homes.solids import WOOD, Surface, box, cylinder, ellipsoid, join, lathe
+from s2a.homes.solids import WOOD, Surface, box, cylinder, ellipsoid, join, lathe, posts
 from s2a.homes.zoo import shapes as p
 from s2a.homes.zoo.shapes import (
     arc,
@@ -30,9 +32,8 @@ ROUND = range(0, 360, 30)
 @zoo_object("framed painting", "living room", "hanging")  # a framed landscape, 600 by 450 mm
 def _image() -> Surface:
     frame = join(box((0, 24), (-300, 300), (0, 450), p.GOLD), box((0, 26), (-262, 262), (38, 412), p.WHITE))
-    hill = np.concatenate(
-        [[(-230, 70)], [(230, 70)], [(230, 150), (150, 190), (40, 170), (-60, 150), (-150, 190), (-230, 170)]]
-    )
+    ridge = [(230, 150), (150, 190), (40, 170), (-60, 150), (-150, 190), (-230, 170)]
+    hill = np.array([(-230, 70), (230, 70), *ridge])
     peaks = [
         plate([(a - 120, 150), (a + 120, 150), (a, top)], (25, 28.5), p.NAVY, 0) for a, top in ((-90, 310), (70, 345))
     ]
@@ -49,11 +50,8 @@ def _image() -> Surface:
 @zoo_object("wall clock", "living room", "hanging")  # 300 mm wide, at ten past ten
 def _wall_clock() -> Surface:
     case = put(join(cylinder(150, 32, p.BLACK, sides=48), cylinder(134, 34, p.WHITE, sides=48)), 0, 0, 150, pitch=90)
-    marks = [
-        put(box((34, 36), (-w, w), (108, 126), p.BLACK), 0, 0, 150, roll=a)
-        for a in ROUND
-        for w in (5 if a % 90 == 0 else 2.5,)
-    ]
+    widths = [(a, 5 if a % 90 == 0 else 2.5) for a in ROUND]
+    marks = [put(box((34, 36), (-w, w), (108, 126), p.BLACK), 0, 0, 150, roll=a) for a, w in widths]
     hands = [
         put(box((35, 38), (-w, w), (-18, n), c), 0, 0, 150, roll=-a)
         for a, n, w, c in ((-55, 66, 5, p.BLACK), (60, 98, 4, p.BLACK), (180, 90, 1.5, p.RED))
@@ -66,9 +64,8 @@ def _orange_bowl() -> Surface:
     bowl = lathe(
         [(0, 0), (60, 0), (62, 8), (118, 50), (140, 90), (134, 90), (112, 54), (50, 14), (0, 14)], p.NAVY, sides=36
     )
-    spots = [(70 * np.cos(a), 70 * np.sin(a), 82) for a in np.radians(range(0, 360, 60))] + [
-        (36 * np.cos(a), 36 * np.sin(a), 136) for a in np.radians((30, 150, 270))
-    ]
+    spots = [(70 * np.cos(a), 70 * np.sin(a), 82) for a in np.radians(range(0, 360, 60))]
+    spots += [(36 * np.cos(a), 36 * np.sin(a), 136) for a in np.radians((30, 150, 270))]
     fruit = join(ellipsoid((78, 78, 74), p.ORANGE, sides=20), ball((8, 8, 5), p.LEAF, z=36))
     leaf = ball((40, 18, 4), p.LEAF, 28, 0, 176, pitch=-20)
     return join(bowl, *[put(fruit, *spot, roll=12 * (i % 3)) for i, spot in enumerate([*spots, (0, 0, 60)])], leaf)
@@ -80,13 +77,11 @@ def _books() -> Surface:
     paints = (p.NAVY, p.RED, p.GREEN, p.AMBER, p.PURPLE)
     for i, (high, wide, color) in enumerate(zip((38, 26, 34, 22, 28), (250, 236, 220, 205, 190), paints, strict=True)):
         x, y = 0.36 * wide, wide / 2
-        covers = [box((-x, x), (-y, y), span, color) for span in ((0, 3), (high - 3, high))] + [
-            box((x - 3, x), (-y, y), (0, high), color)
-        ]
+        covers = [box((-x, x), (-y, y), span, color) for span in ((0, 3), (high - 3, high))]
+        covers += [box((x - 3, x), (-y, y), (0, high), color)]
         pages = box((-x + 4, x - 3), (-y + 4, y - 4), (3, high - 3), p.CREAM)
-        title = [box((x, x + 0.8), (-0.5 * y, 0.4 * y), (0.4 * high, 0.6 * high), p.GOLD)] + [
-            box((x, x + 0.8), (s, s + 4), (0, high), p.GOLD) for s in (-0.8 * y, 0.74 * y)
-        ]
+        title = [box((x, x + 0.8), (-0.5 * y, 0.4 * y), (0.4 * high, 0.6 * high), p.GOLD)]
+        title += [box((x, x + 0.8), (s, s + 4), (0, high), p.GOLD) for s in (-0.8 * y, 0.74 * y)]
         parts.append(put(join(*covers, pages, *title), z=z, yaw=(0, 6, -5, 9, -7)[i] + 180 * (i == 3)))
         z += high
     return join(*parts)
@@ -95,14 +90,14 @@ def _books() -> Surface:
 @zoo_object("lantern", "living room")  # a lantern with a candle inside, 330 mm high
 def _lantern() -> Surface:
     floor = [put(box((-75, 75), (-75, 75), (z, z + 14), p.BLACK)) for z in (0, 190)]
-    posts = [box((x - 7, x + 7), (y - 7, y + 7), (10, 195), p.BLACK) for x in (-63, 63) for y in (-63, 63)]
+    pillars = [box((x - 7, x + 7), (y - 7, y + 7), (10, 195), p.BLACK) for x in (-63, 63) for y in (-63, 63)]
     bars = [
         put(join(box((60, 66), (-63, 63), (97, 103), p.BLACK), box((60, 66), (-3, 3), (14, 190), p.BLACK)), yaw=a)
         for a in (0, 90, 180, 270)
     ]
     roof = put(lathe([(0, 0), (112, 0), (30, 56), (30, 72), (0, 72)], p.BLACK, sides=4), z=202, yaw=45)
     candle = [rod(30, 80, p.CREAM, z=14), put(turned([(3, 0), (11, 14), (1, 42)], p.ORANGE), z=96)]
-    return join(*floor, *posts, *bars, roof, *candle, put(ring(34, 7, p.GOLD), 0, 0, 300, pitch=90))
+    return join(*floor, *pillars, *bars, roof, *candle, put(ring(34, 7, p.GOLD), 0, 0, 300, pitch=90))
 
 
 @zoo_object("record player", "living room")  # 420 mm wide
@@ -126,24 +121,16 @@ def _wreath() -> Surface:
     hoop = put(ring(130, 52, p.LEAF, 0.7, 8), 32, 0, 175, pitch=90)
     twigs = []
     for a in np.arange(0, 360, 5):
-        needle = ball(
-            (12, 16, 76),
-            p.GREEN if a % 10 else p.LEAF,
-            36 + rng.uniform(-4, 16),
-            rng.uniform(-12, 12),
-            138,
-            roll=rng.uniform(25, 75),
-            sides=6,
-        )
+        place, color = (36 + rng.uniform(-4, 16), rng.uniform(-12, 12), 138), p.GREEN if a % 10 else p.LEAF
+        needle = ball((12, 16, 76), color, *place, roll=rng.uniform(25, 75), sides=6)
         twigs.append(put(needle, 0, 0, 175, roll=float(a)))
     berries = [
         ball((18, 18, 18), p.RED, 62, 130 * np.sin(a) + s, 175 + 130 * np.cos(a) + t)
         for a in np.radians(range(20, 360, 45))
         for s, t in ((0, 0), (16, 6), (4, 17))
     ]
-    bow = [ball((26, 86, 54), p.RED, 66, s * 44, 52, roll=s * 14) for s in (-1, 1)] + [
-        ball((36, 30, 30), p.WINE, 72, 0, 50)
-    ]
+    bow = [ball((26, 86, 54), p.RED, 66, s * 44, 52, roll=s * 14) for s in (-1, 1)]
+    bow += [ball((36, 30, 30), p.WINE, 72, 0, 50)]
     tails = [
         put(plate([(-14, 0), (14, 0), (18, -90), (0, -76), (-18, -90)], (0, 4), p.RED, 0), 64, s * 14, 46, roll=s * 16)
         for s in (-1, 1)
@@ -225,7 +212,7 @@ def _candelabra() -> Surface:
 @zoo_object("hourglass", "living room")  # 180 mm high
 def _hourglass() -> Surface:
     ends = [rod(46, 12, p.WALNUT, z=z) for z in (0, 168)]
-    posts = [
+    pillars = [
         put(put(turned([(5, 10), (7, 40), (4, 90), (7, 140), (5, 170)], p.WALNUT), 38), yaw=a) for a in (60, 180, 300)
     ]
     glass = turned([(10, 12), (30, 26), (30, 55), (3, 90), (30, 125), (30, 154), (10, 168)], p.SKY)
@@ -233,7 +220,7 @@ def _hourglass() -> Surface:
         lathe([(0, 14), (30.6, 26), (30.6, 44), (8, 62), (0, 64)], p.AMBER),
         turned([(3.5, 90), (23, 115), (30.8, 126), (30.5, 130)], p.AMBER),
     ]
-    return join(*ends, *posts, glass, *sand)
+    return join(*ends, *pillars, glass, *sand)
 
 
 @zoo_object("model sailing boat", "living room")  # a model on its stand, 420 mm high
@@ -253,9 +240,8 @@ def _sailing_boat() -> Surface:
         for z in (140, 190)
     ]
     flag = plate([(10, 386), (-30, 376), (10, 366)], (-1, 1), p.RED, 0)
-    stand = [box((-44, 44), (y, y + 14), (-34, 14), p.WALNUT) for y in (-70, 60)] + [
-        box((-50, 50), (-110, 110), (-44, -32), p.WALNUT)
-    ]
+    stand = [box((-44, 44), (y, y + 14), (-34, 14), p.WALNUT) for y in (-70, 60)]
+    stand += [box((-50, 50), (-110, 110), (-44, -32), p.WALNUT)]
     return join(
         hull, deck, stripe, mast, boom, *sails, *stripes, flag, *stand, pebble((36, 80, 22), p.WHITE, 5, 0, -60, 56)
     )
@@ -269,45 +255,27 @@ def _trophy() -> Surface:
         tube(in_plane(smooth([(s * 66, 270), (s * 112, 272), (s * 108, 210), (s * 40, 158)], 16), 0), 6, p.GOLD)
         for s in (-1, 1)
     ]
-    star = [
-        (r * np.sin(a), r * np.cos(a))
-        for k, a in enumerate(np.radians(np.arange(0, 360, 36)))
-        for r in ((26, 11)[k % 2],)
-    ]
+    angles = zip((26, 11) * 5, np.radians(np.arange(0, 360, 36)), strict=True)
+    star = [(r * np.sin(a), r * np.cos(a)) for r, a in angles]
     return join(plinth, cup, *ears, put(plate(star, (0, 8), p.RED, 0), 60, 0, 232), rod(64, 2, p.AMBER, z=289))
 
 
 @zoo_object("bonsai", "living room")  # a small tree in a tray, 300 mm high
 def _bonsai() -> Surface:
-    tray = join(
-        pebble((150, 230, 50), p.NAVY, 6, z=8),
-        pebble((138, 216, 8), p.WALNUT, 6, z=54),
-        *[box((x, x + 20), (y, y + 20), (0, 20), p.NAVY) for x in (-60, 40) for y in (-95, 75)],
-    )
-    trunk = tube(
-        smooth([(0, -10, 55), (6, 26, 105), (0, -6, 160), (0, 14, 215), (0, 8, 240)], 20),
-        np.linspace(20, 7, 20),
-        p.BROWN,
-        12,
-    )
+    feet = posts((-60, 40), (-95, 75), (0, 20), 20, p.NAVY)
+    tray = join(pebble((150, 230, 50), p.NAVY, 6, z=8), pebble((138, 216, 8), p.WALNUT, 6, z=54), *feet)
+    path = smooth([(0, -10, 55), (6, 26, 105), (0, -6, 160), (0, 14, 215), (0, 8, 240)], 20)
+    trunk = tube(path, np.linspace(20, 7, 20), p.BROWN, 12)
     boughs = [
         tube([(0, y0, z0), (x, y, z)], 6, p.BROWN, 8)
         for x, y, z, y0, z0 in ((10, 84, 158, 14, 125), (-6, -80, 190, -4, 165), (30, -30, 215, 4, 185))
     ]
     crowns = ((10, 92, 166, 120), (-6, -86, 200, 120), (0, 10, 258, 150), (34, -28, 224, 90), (-30, 36, 214, 90))
     pads = [ball((0.8 * s, s, 0.42 * s), p.LEAF, x, y, z, sides=10) for x, y, z, s in crowns]
-    tufts = [
-        ball(
-            (0.4 * s, 0.4 * s, 0.3 * s),
-            p.GREEN,
-            x + 0.26 * s * np.cos(a),
-            y + 0.33 * s * np.sin(a),
-            z + 0.06 * s,
-            sides=8,
-        )
-        for x, y, z, s in crowns
-        for a in np.radians(range(0, 360, 60))
-    ]
+    tufts = []
+    for (x, y, z, s), a in product(crowns, np.radians(range(0, 360, 60))):
+        place = (x + 0.26 * s * np.cos(a), y + 0.33 * s * np.sin(a), z + 0.06 * s)
+        tufts.append(ball((0.4 * s, 0.4 * s, 0.3 * s), p.GREEN, *place, sides=8))
     return join(tray, trunk, *boughs, *pads, *tufts)
 
 
@@ -326,29 +294,17 @@ def _land(shore: np.ndarray) -> Surface:
 
 @zoo_object("globe", "living room")  # an earth globe on a stand, 380 mm high
 def _globe() -> Surface:
+    north = [(40, -5), (60, 10), (68, 40), (70, 90), (60, 140)]
     lands = [
         [(20, -15), (32, 5), (20, 35), (5, 42), (-30, 25), (-33, 18), (0, 10), (5, -8)],
-        [
-            (40, -5),
-            (60, 10),
-            (68, 40),
-            (70, 90),
-            (60, 140),
-            (40, 120),
-            (20, 105),
-            (12, 78),
-            (25, 60),
-            (32, 40),
-            (42, 28),
-        ],
+        [*north, (40, 120), (20, 105), (12, 78), (25, 60), (32, 40), (42, 28)],
         [(68, -160), (70, -95), (50, -60), (30, -80), (18, -96), (32, -115), (55, -130)],
         [(10, -75), (5, -52), (-8, -36), (-40, -62), (-53, -70), (-18, -72)],
         [(-14, 130), (-12, 142), (-28, 153), (-38, 145), (-33, 116), (-22, 115)],
     ]
-    ball = join(
-        ellipsoid((250, 250, 250), p.BLUE, sides=32), *[_land(np.radians(np.array(land, float))) for land in lands]
-    )
-    tilted = put(join(ball, rod(4, 276, p.GOLD, z=-138)), z=235, yaw=-20, roll=23)
+    green = [_land(np.radians(np.array(land, float))) for land in lands]
+    earth = join(ellipsoid((250, 250, 250), p.BLUE, sides=32), *green)
+    tilted = put(join(earth, rod(4, 276, p.GOLD, z=-138)), z=235, yaw=-20, roll=23)
     arm = put(tube(in_plane(arc(138, -90, 90, 25), 0), 6, p.GOLD), z=235, roll=23)
     foot = turned([(85, 0), (82, 12), (24, 26), (12, 50), (16, 100)], p.WALNUT)
     return join(tilted, arm, foot)
@@ -356,13 +312,9 @@ def _globe() -> Surface:
 
 @zoo_object("chessboard", "living room")  # a board of 400 mm with men in play
 def _chess() -> Surface:
-    fields = [
-        box(
-            (48 * i - 192, 48 * i - 144), (48 * j - 192, 48 * j - 144), (17, 20.5), p.CREAM if (i + j) % 2 else p.WALNUT
-        )
-        for i in range(8)
-        for j in range(8)
-    ]
+    spans, squares = [(48 * i - 192, 48 * i - 144) for i in range(8)], product(range(8), range(8))
+    paints = (p.WALNUT, p.CREAM)
+    fields = [box(spans[i], spans[j], (17, 20.5), paints[(i + j) % 2]) for i, j in squares]
 
     def pawn(color: tuple[int, int, int]) -> Surface:
         return join(turned([(15, 0), (14, 8), (6, 18), (6, 34)], color, sides=14), ball((19, 19, 19), color, z=40))
@@ -375,14 +327,8 @@ def _chess() -> Surface:
         teeth = [put(box((7, 14), (-4, 4), (50, 58), color), yaw=a) for a in ROUND[::2]]
         return join(turned([(17, 0), (16, 9), (10, 20), (10, 38), (15, 42), (15, 51)], color, sides=14), *teeth)
 
-    places = [(pawn, 1, j) for j in (0, 1, 3, 5, 6, 7)] + [
-        (pawn, 2, 2),
-        (pawn, 3, 4),
-        (king, 0, 4),
-        (rook, 0, 0),
-        (rook, 0, 7),
-        (king, 0, 3),
-    ]
+    places = [(pawn, 1, j) for j in (0, 1, 3, 5, 6, 7)] + [(pawn, 2, 2), (pawn, 3, 4)]
+    places += [(king, 0, 4), (rook, 0, 0), (rook, 0, 7), (king, 0, 3)]
     men = [put(man(p.BLACK), 48 * i - 168, 48 * j - 168, 20) for man, i, j in places]
     men += [put(man(p.IVORY), 168 - 48 * i, 168 - 48 * j, 20) for man, i, j in places]
     return join(box((-205, 205), (-205, 205), (0, 19), p.BROWN), *fields, *men)
@@ -408,9 +354,8 @@ def _snow_globe() -> Surface:
     snow = lathe([(0, 28), (33, 28), (38, 38), (20, 42), (0, 43)], p.WHITE)
     man = [ball((s, s, s), p.WHITE, 8, -9, z) for s, z in ((24, 50), (17, 66), (12, 78))]
     hat = join(rod(8, 2, p.BLACK, 8, -9, 83), rod(5, 8, p.BLACK, 8, -9, 84))
-    face = [ball((8, 2.5, 2.5), p.ORANGE, 16, -9, 77)] + [
-        ball((2, 2, 2), p.BLACK, 13.5, -9 + s, 80) for s in (-2.5, 2.5)
-    ]
+    face = [ball((8, 2.5, 2.5), p.ORANGE, 16, -9, 77)]
+    face += [ball((2, 2, 2), p.BLACK, 13.5, -9 + s, 80) for s in (-2.5, 2.5)]
     fir = [
         put(lathe([(0, 0), (r, 0), (1, r * 1.5), (0, r * 1.5)], p.GREEN, sides=10), -2, 14, z)
         for r, z in ((15, 44), (12, 56), (8, 68))
@@ -457,34 +402,17 @@ def _fish_bowl() -> Surface:
 def _rubiks_cube() -> Surface:
     faces = ((0, p.RED), (90, p.BLUE), (180, p.ORANGE), (270, p.GREEN))
     mixed = (p.RED, p.WHITE, p.BLUE, p.YELLOW, p.GREEN, p.ORANGE, p.RED, p.BLUE, p.WHITE)
+    spans = [(19 * j - 27.2, 19 * j - 10.8) for j in range(3)]
     layers = []
     for k in range(3):
         core = pebble((57, 57, 18.6), p.BLACK, 14, z=19.2 * k)
-        tiles = [
-            put(
-                box(
-                    (28, 29),
-                    (19 * j - 27.2, 19 * j - 10.8),
-                    (19.2 * k + 1.4, 19.2 * k + 17.4),
-                    c if k < 1 else mixed[(i * 2 + 3 * k + 4 * j) % 9],
-                ),
-                yaw=a,
-            )
-            for i, (a, c) in enumerate(faces)
-            for j in range(3)
-        ]
+        tiles = []
+        for (i, (a, c)), j in product(enumerate(faces), range(3)):
+            color = c if k < 1 else mixed[(i * 2 + 3 * k + 4 * j) % 9]
+            tiles.append(put(box((28, 29), spans[j], (19.2 * k + 1.4, 19.2 * k + 17.4), color), yaw=a))
         layers.append(put(join(core, *tiles), yaw=0 if k < 2 else 24))
-    top = [
-        put(
-            box(
-                (19 * i - 27.2, 19 * i - 10.8),
-                (19 * j - 27.2, 19 * j - 10.8),
-                (56.5, 57.6),
-                mixed[(i + 4 * j + 1) % 9] if (i + j) % 2 else p.WHITE,
-            ),
-            yaw=24,
-        )
-        for i in range(3)
-        for j in range(3)
-    ]
+    top = []
+    for i, j in product(range(3), range(3)):
+        color = mixed[(i + 4 * j + 1) % 9] if (i + j) % 2 else p.WHITE
+        top.append(put(box(spans[i], spans[j], (56.5, 57.6), color), yaw=24))
     return join(*layers, *top)

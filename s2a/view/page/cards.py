@@ -93,7 +93,7 @@ def _steps(record: Mapping[str, Any]) -> Note:
         PLACE: pose and f"({', '.join(f'{x:.2f}' for x in pose['position'])}) m",
         "at rest": rest and f"moved {1000 * rest['drift']:.1f} mm, tilted {math.degrees(rest['tilt']):.1f} degrees",
     }
-    return tuple((name, str(told)) for name, told in steps.items() if told)
+    return tuple((name, str(value)) for name, value in steps.items() if value)
 
 
 def _lengths(values: list[float]) -> str:
@@ -115,8 +115,8 @@ def rows(room: PageRoom, parent: str | None = None, depth: int = 0) -> Iterator[
 
 def row(room: PageRoom, part: str, depth: int) -> str:
     """Return the row of a part: indented id, and how it moves."""
-    said = motion(room.parts[part])
-    return f"{INDENT * depth}{part}" + (f" \u00b7 {said}" if said else "")
+    movement = motion(room.parts[part])
+    return f"{INDENT * depth}{part}" + (f" \u00b7 {movement}" if movement else "")
 
 
 def motion(part: PagePart) -> str:
@@ -149,7 +149,7 @@ def card(room: PageRoom, part_id: str | None) -> str:
 
 def noted(room: PageRoom) -> str:
     """Return what a validation report or an insertion says of each part as HTML."""
-    return "".join(_table(part, said) for part, said in room.notes.items())
+    return "".join(_table(part, note) for part, note in room.notes.items())
 
 
 def step_card(part: str, name: str, value: str) -> str:

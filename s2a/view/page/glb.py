@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import struct
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from s2a.core.color_space import to_linear
+from s2a.scan.gltf_file import container
 from s2a.scene.scene import Mesh
 from s2a.view.page.room import PagePart, PageRoom
 
@@ -48,7 +48,6 @@ def clustered(mesh: Mesh, cell: float) -> Mesh:
 
 
 def _means(values: np.ndarray, owner: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return the mean of the values [n 3] of each owner."""
     return np.stack([np.bincount(owner, column, len(size)) for column in values.T], axis=1) / size[:, None]
 
 
@@ -56,18 +55,18 @@ def _fewer(parts: dict[str, PagePart], max_faces: int) -> dict[str, PagePart]:
     """Return parts with so many faces at most; a cell grows with the root of its part's size, so that small things last."""
     seen = {i: part.surface for i, part in parts.items() if len(part.surface.faces)}
     roots = {i: float(np.linalg.norm(np.ptp(mesh.bounds, axis=0))) ** 0.5 for i, mesh in seen.items()}
-    count, found = _count(parts), parts
+    count, coarse = _count(parts), parts
     scale = np.sqrt(
         sum(mesh.face_areas.sum() / max(roots[i], 1e-6) ** 2 for i, mesh in seen.items()) / max(max_faces, 1)
     )
     while count > max_faces:
         meshes = {i: clustered(mesh, max(scale * roots[i], MIN_CELL)) for i, mesh in seen.items()}
-        found = {i: replace(part, surface=meshes.get(i, part.surface)) for i, part in parts.items()}
-        count = _count(found)
+        coarse = {i: replace(part, surface=meshes.get(i, part.surface)) for i, part in parts.items()}
+        count = _count(coarse)
         scale = max(scale, MIN_CELL) * max(np.sqrt(count / max(max_faces, 1)), STEP)
         if not count or scale > MAX_SCALE:
             break
-    return found
+    return coarse
 
 
 def _count(parts: dict[str, PagePart]) -> int:
@@ -191,12 +190,6 @@ def _packed(document: dict[str, Any], arrays: list[tuple[np.ndarray, dict[str, A
         views.append(view | ({"byteStride": array.strides[0]} if array.ndim == 2 else {}))
         vectors = {"componentType": UNSIGNED_SHORT, "type": "VEC3", "count": len(array), "normalized": True}
         accessors.append((vectors if array.ndim == 2 else {}) | {"bufferView": number} | facts)
-        payload += _padded(array.tobytes(), b"\0")
+        payload += array.tobytes() + b"\0" * (-array.nbytes % ALIGNMENT)
     document |= {"buffers": [{"byteLength": len(payload)}], "bufferViews": views, "accessors": accessors}
-    text = _padded(json.dumps(document, separators=(",", ":")).encode(), b" ")
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(payload), b"BIN\0") + payload
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
-def _padded(data: bytes, filler: bytes) -> bytes:
-    return data + filler * (-len(data) % ALIGNMENT)
+    return container(json.dumps(document, separators=(",", ":")).encode(), payload)

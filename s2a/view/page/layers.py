@@ -100,8 +100,8 @@ def grasps(room: PageRoom) -> Iterator[Node]:
 def supports(room: PageRoom) -> Iterator[Node]:
     """Yield the level surfaces of what stands still that look up: those on which `s2a insert` puts objects, occupied or not."""
     sizes = RegionConfig()
-    found = [_level(part.surface, sizes.plane, sizes.min_area) for part in room.parts.values() if part.mover is None]
-    yield from _merged(SUPPORTS, [(None, painted(lifted(mesh), SUPPORT_COLOR)) for mesh in found])
+    levels = [_level(part.surface, sizes.plane, sizes.min_area) for part in room.parts.values() if part.mover is None]
+    yield from _merged(SUPPORTS, [(None, painted(lifted(mesh), SUPPORT_COLOR)) for mesh in levels])
 
 
 def reach(room: PageRoom) -> Iterator[Node]:
@@ -123,10 +123,10 @@ def reach(room: PageRoom) -> Iterator[Node]:
 
 def within_reach(room: PageRoom, points: np.ndarray) -> np.ndarray:
     """Return which points [point 3] [m] the stretched arm of any robot comes to, shape [point]."""
-    found = np.zeros(len(points), bool)
+    near = np.zeros(len(points), bool)
     for stand in room.stands:
-        found |= np.linalg.norm(points - stand.shoulder, axis=1) <= stand.reach
-    return found
+        near |= np.linalg.norm(points - stand.shoulder, axis=1) <= stand.reach
+    return near
 
 
 def _level(mesh: Mesh, planes: PlaneConfig, min_area: float) -> Mesh:
@@ -167,8 +167,8 @@ def _merged(layer: str, pieces: list[tuple[str | None, Mesh]]) -> Iterator[Node]
     for mover, mesh in pieces:
         if len(mesh.faces):
             groups.setdefault(mover, []).append(mesh)
-    for mover, found in groups.items():
-        yield Node(layer, mover or STILL, mover, merge(found))
+    for mover, meshes in groups.items():
+        yield Node(layer, mover or STILL, mover, merge(meshes))
 
 
 def axis_arrow(joint: Joint, points: np.ndarray) -> np.ndarray:

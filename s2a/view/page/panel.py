@@ -30,15 +30,15 @@ def pick(at: Coordinates, origin: np.ndarray, direction: np.ndarray) -> str | No
         origin: where the ray begins [m], scene coordinates, shape [3].
         direction: where it leads, shape [3].
     """
-    nearest, found = np.inf, None
+    nearest, hit = np.inf, None
     backs = {mover: np.linalg.inv(at.pose(mover)) for mover in {part.mover for part in at.room.parts.values()}}
     for part_id, part in at.room.parts.items():
         limit = np.inf if at.room.boxes else nearest
         distance = _distance(part, backs[part.mover], origin, direction, limit)
         rank = float(part.surface.face_areas.sum()) if at.room.boxes and distance < np.inf else distance
         if rank < nearest:
-            nearest, found = rank, part_id
-    return found
+            nearest, hit = rank, part_id
+    return hit
 
 
 def _distance(part: PagePart, back: np.ndarray, origin: np.ndarray, direction: np.ndarray, nearest: float) -> float:
@@ -170,13 +170,13 @@ class Panel:
         if not taken:
             return
         slider = self._server.gui.add_slider("step", 0, len(taken), 1, len(taken))
-        told = self._server.gui.add_html("")
+        text = self._server.gui.add_html("")
 
         def show() -> None:
             placed = {part for part, name, _ in taken[: slider.value] if name == PLACE}
             self._nodes.hide(set(self._room.inserted) - placed)
             now = taken[slider.value - 1] if slider.value else ("", "before", "nothing is inserted yet")
-            told.content = step_card(*now)
+            text.content = step_card(*now)
             self.select(now[0] if now[0] in placed else None)
 
         slider.on_update(lambda _: show())
@@ -213,7 +213,7 @@ class Panel:
 
 def steps(room: PageRoom) -> list[tuple[str, str, str]]:
     """Return the steps of an insertion, object by object: id, name of the step, what it decided."""
-    return [(part, name, told) for part in room.inserted for name, told in room.notes[part]]
+    return [(part, name, value) for part in room.inserted for name, value in room.notes[part]]
 
 
 def offered(room: PageRoom) -> list[str]:

@@ -130,10 +130,10 @@ class PageRoom:
     @cached_property
     def children(self) -> dict[str | None, tuple[str, ...]]:
         """Ids of the direct children of every part; of None: the parts that belong to no other."""
-        found: dict[str | None, list[str]] = {}
+        children: dict[str | None, list[str]] = {}
         for part_id, part in self.parts.items():
-            found.setdefault(part.parent, []).append(part_id)
-        return {i: tuple(c) for i, c in found.items()}
+            children.setdefault(part.parent, []).append(part_id)
+        return {i: tuple(c) for i, c in children.items()}
 
     def with_inserted(self, ids: tuple[str, ...]) -> PageRoom:
         """Return the room with objects that an insertion put there, which can be hidden: each moves with itself."""
@@ -154,11 +154,11 @@ class PageRoom:
 
     def pose(self, mover: str | None, q: Mapping[str, float]) -> np.ndarray:
         """Return the displacement [4 4] of what moves with a jointed part; the identity for None."""
-        found = np.eye(4)
+        pose = np.eye(4)
         while mover is not None:
-            found = transform(self.joints[mover], q.get(mover, 0.0)) @ found
+            pose = transform(self.joints[mover], q.get(mover, 0.0)) @ pose
             mover = self.carriers[mover]
-        return found
+        return pose
 
     def carried(self, mover: str) -> tuple[str, ...]:
         """Return the ids of the jointed parts that a joint moves: its own, and those that hang on it."""
@@ -304,17 +304,7 @@ def of_description(name: str, parts: Mapping[str, DescribedPart]) -> PageRoom:
     """Return the page of a description: the box of every part, which holds those inside it, too."""
     return PageRoom(
         name,
-        {
-            i: PagePart(
-                part.label,
-                _box(part),
-                part.parent,
-                _described_mover(parts, i),
-                part.joint or ("free" if part.motion == "free" else "fixed"),
-                part.mass,
-            )
-            for i, part in parts.items()
-        },
+        {i: _described_part(parts, i) for i in parts},
         {i: _described_mover(parts, part.against) for i, part in parts.items() if part.joint},
         boxes=True,
     )
@@ -363,6 +353,12 @@ def _stands(room: SimRoom) -> Iterator[RobotStand]:
                 foot = np.array(base.position)
                 shoulder = foot + [0.0, 0.0, size["shoulder_height"]]
                 yield RobotStand(part, foot, shoulder, size["reach"], size["radius"], base.free)
+
+
+def _described_part(parts: Mapping[str, DescribedPart], part_id: str) -> PagePart:
+    part = parts[part_id]
+    motion: Motion = part.joint or ("free" if part.motion == "free" else "fixed")
+    return PagePart(part.label, _box(part), part.parent, _described_mover(parts, part_id), motion, part.mass)
 
 
 def _described_mover(parts: Mapping[str, DescribedPart], part: str | None) -> str | None:

@@ -285,11 +285,11 @@ class _World:
     def facts(self, frame: int) -> str:
         """Return a line about a frame, as HTML."""
         k = min(frame, self._world.frames - 1)
-        said = [self._world.name]
+        words = [self._world.name]
         for part, q in self._world.q.items():
             name, size = unit(self._room.joints[part])
-            said.append(f"{part} {q[k] / size:.0f} {name}")
-        return ", ".join(said) + (" (ended)" if frame >= self._world.frames else "")
+            words.append(f"{part} {q[k] / size:.0f} {name}")
+        return ", ".join(words) + (" (ended)" if frame >= self._world.frames else "")
 
 
 def _above(room: PageRoom) -> np.ndarray:

@@ -45,7 +45,6 @@ def _whole(path: Path, make: Callable[[Path], T]) -> T:
 
 
 def _check_json(path: Path) -> None:
-    """Raise an InputError for a file that is not JSON."""
     try:
         json.loads(path.read_text())
     except ValueError as error:
@@ -53,7 +52,6 @@ def _check_json(path: Path) -> None:
 
 
 def _runs(path: Path) -> list[Path]:
-    """Return the folders of the runs below a folder."""
     return sorted(file.parent for depth in RUNS for file in path.glob(f"{depth}/{results.SETTINGS}"))
 
 

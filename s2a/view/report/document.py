@@ -234,7 +234,6 @@ def percent(rate: float, low: float, high: float) -> str:
 
 
 def _thinned(line: Line) -> Line:
-    """Return a line of at most POINTS points."""
     size = math.ceil(len(line.x) / POINTS)
     if size <= 1:
         return line
@@ -260,25 +259,25 @@ class _Scale:
 
     def path(self, line: Line, unit: float) -> str:
         """Return the commands of a path, which begins again after values that are not finite."""
-        found, pen = [], "M"
+        commands, pen = [], "M"
         for x, y in zip(line.x, line.y, strict=True):
             if not math.isfinite(x + y):
                 pen = "M"
                 continue
             px, py = self.place(x, y / unit)
-            found.append(f"{pen}{px:.1f} {py:.1f}")
+            commands.append(f"{pen}{px:.1f} {py:.1f}")
             pen = "L"
-        return "".join(found)
+        return "".join(commands)
 
     def axes(self, x_title: str) -> str:
         """Return grid, numbers and the title of the horizontal axis."""
-        found = []
+        marks = []
         for y in self.y_ticks:
             px, py = self.place(self.x_ticks[0], y)
-            found.append(f"<path d='M{px:.1f} {py:.1f}H{WIDTH - RIGHT}' stroke='#e3e7ec'/>")
-            found.append(f"<text x='{LEFT - 8}' y='{py + 4:.1f}' text-anchor='end'>{y:.6g}</text>")
+            marks.append(f"<path d='M{px:.1f} {py:.1f}H{WIDTH - RIGHT}' stroke='#e3e7ec'/>")
+            marks.append(f"<text x='{LEFT - 8}' y='{py + 4:.1f}' text-anchor='end'>{y:.6g}</text>")
         for x in self.x_ticks:
             px, _ = self.place(x, self.y_ticks[0])
-            found.append(f"<text x='{px:.1f}' y='{HEIGHT - BOTTOM + 18}' text-anchor='middle'>{x:.6g}</text>")
+            marks.append(f"<text x='{px:.1f}' y='{HEIGHT - BOTTOM + 18}' text-anchor='middle'>{x:.6g}</text>")
         middle = (LEFT + WIDTH - RIGHT) / 2
-        return "".join(found) + f"<text x='{middle}' y='{HEIGHT - 8}' text-anchor='middle'>{text(x_title)}</text>"
+        return "".join(marks) + f"<text x='{middle}' y='{HEIGHT - 8}' text-anchor='middle'>{text(x_title)}</text>"

@@ -46,13 +46,8 @@ def rates(values: Mapping[str, Any]) -> str:
 def provenance(values: Mapping[str, Any]) -> str:
     """Return commit, versions and device in one line."""
     versions = ", ".join(f"{name} {version}" for name, version in (values.get("versions") or {}).items())
-    told = {
-        "seed": values.get("seed"),
-        "commit": values.get("commit"),
-        "device": values.get("device"),
-        "": versions or None,
-    }
-    return "; ".join(f"{name} {value}".strip() for name, value in told.items() if value is not None)
+    about = {name: values.get(name) for name in ("seed", "commit", "device")} | {"": versions or None}
+    return "; ".join(f"{name} {value}".strip() for name, value in about.items() if value is not None)
 
 
 def evaluation(values: Mapping[str, Any], path: Path) -> Document:
@@ -73,9 +68,8 @@ def evaluation(values: Mapping[str, Any], path: Path) -> Document:
         sections += _over_parts(over, values["parts"])
     if shown_images := [path.with_name(name) for name in BEFORE_AFTER if path.with_name(name).is_file()]:
         sections.append(("The first world before, and at the widest opening", images(shown_images)))
-    title = (
-        f"{values.get('policy') or 'Evaluation'}: {values['episodes']} episodes in {values.get('stage') or path.stem}"
-    )
+    policy, stage = values.get("policy") or "Evaluation", values.get("stage") or path.stem
+    title = f"{policy}: {values['episodes']} episodes in {stage}"
     about = f"metrics version {values.get('metrics_version', 1)}; {provenance(values)}"
     return Document(title, about, tuple(sections))
 
@@ -84,8 +78,8 @@ def benchmark(values: Mapping[str, Any], path: Path) -> Document:
     """Return the report of a benchmark."""
     parts = values["parts"]
     title = f"{values['policy']}: {len(parts)} parts, {values['episodes_a_part']} episodes each"
-    asked = {name: values.get(name) for name in ("perception", "grasp_error", "grasp_turn")}
-    about = "; ".join([path.name, *(f"{n} {v}" for n, v in asked.items() if v is not None), provenance(values)])
+    request = {name: values.get(name) for name in ("perception", "grasp_error", "grasp_turn")}
+    about = "; ".join([path.name, *(f"{n} {v}" for n, v in request.items() if v is not None), provenance(values)])
     return Document(title, about, tuple(_over_parts(values["over_parts"], parts)))
 
 
@@ -116,14 +110,7 @@ def _interval(value: Mapping[str, Any]) -> tuple[Markup, Markup]:
 MAX_ROWS = 500
 COUNTS = ("scale", "free", "stable", "openings")
 """Columns of an insertion's table: how many have the right size, collide with nothing, stay, and leave all parts free to open."""
-PAPER = {
-    "category": "the paper's own scans",
-    "method": "as published",
-    "n": 100,
-    "success": 80,
-    "low": 0.711,
-    "high": 0.867,
-}
+PAPER = dict(category="the paper's own scans", method="as published", n=100, success=80, low=0.711, high=0.867)
 """Table of insertions in "From Scan to Action", Halacheva et al., CVPR Workshops 2025; Wilson interval of 80 of 100."""
 
 
@@ -184,9 +171,8 @@ def validation_report(values: Mapping[str, Any], path: Path) -> Document:
     """Return the page of a report.json."""
     reports = values["reports"]
     good = sum(bool(each["passed"]) for each in reports)
-    overview = [
-        (each["target"], _status("pass" if each["passed"] else "fail"), _grip(each), _failed(each)) for each in reports
-    ]
+    verdicts = [_status("pass" if each["passed"] else "fail") for each in reports]
+    overview = [(e["target"], verdict, _grip(e), _failed(e)) for e, verdict in zip(reports, verdicts, strict=True)]
     sections = [("Parts", table(("part", "verdict", "a parallel gripper", "failed checks"), overview))]
     for each in reports:
         header = ("check", "", "measured", "bound", "of the bound", "message", "remedy")
@@ -264,9 +250,8 @@ def reported(reward: Mapping[str, Any], stage: str) -> Reported | None:
     """
     weights = tuple(float(reward.get(term, 0.0)) for term in TERMS)
     asset = TWIN if "twin" in stage else SCAN
-    own = any(
-        reward.get(term) for term in ("pinch", "grasped_opening", "grasped_path", "led_opening", "closing", "grip")
-    )
+    further = ("pinch", "grasped_opening", "grasped_path", "led_opening", "closing", "grip")
+    own = any(reward.get(term) for term in further)
     return None if own else next((row for row in TABLE if (row.asset, row.weights) == (asset, weights)), None)
 
 
@@ -349,9 +334,9 @@ def report(run: Run) -> Document:
         note = "<p>Exploration's noise and eased starts included; a policy is measured by s2a evaluate.</p>"
         sections.append(("Episodes at the end of the training", note + rates(measured)))
     sections += _beside([run])
-    told = {"environment steps [millions]": run.millions or None, "seconds": run.seconds}
-    told |= {"steps a second": run.about.get("env_steps_per_second"), "worlds": run.about.get("num_envs")}
-    sections.append(("Effort", facts(told)))
+    effort = {"environment steps [millions]": run.millions or None, "seconds": run.seconds}
+    effort |= {"steps a second": run.about.get("env_steps_per_second"), "worlds": run.about.get("num_envs")}
+    sections.append(("Effort", facts(effort)))
     if run.settings:
         sections.append(("Settings", facts({key: str(value) for key, value in leaves(run.settings)})))
     cut = " (not finished)" if run.seconds is None else ""
@@ -365,9 +350,9 @@ def compare(name: str, runs: Sequence[Run]) -> Document:
     for row in dict.fromkeys(run.name for run in runs):
         seeds = [run for run in runs if run.name == row]
         cells = [_percents([run.recent.get(column) for run in seeds]) for column in shown]
-        said = seeds[0].reported
-        told = f"{said.opened}, handle {said.handle}" if said else ""
-        rows.append((row, len(seeds), *cells, Markup(" / ".join(f"{run.millions:.3g}" for run in seeds), "n"), told))
+        published = seeds[0].reported
+        paper = f"{published.opened}, handle {published.handle}" if published else ""
+        rows.append((row, len(seeds), *cells, Markup(" / ".join(f"{run.millions:.3g}" for run in seeds), "n"), paper))
     header = ("run", "seeds", *(NAMES[column] for column in shown), "steps [millions]", "paper")
     versions = sorted({int(run.about.get("metrics_version") or 1) for run in runs})
     about = f"{len(runs)} runs; metrics version {', '.join(map(str, versions))}; {provenance({**runs[0].about, 'seed': None})}"
@@ -384,8 +369,8 @@ def differing(named: Mapping[str, Run]) -> list[Run]:
     keys = sorted({key for each in values.values() for key in each})
     free = [key for key in keys if key.split(".")[0] not in (*NOT_SETTINGS, "seed")]
     differ = [key for key in free if len({str(each.get(key)) for each in values.values()}) > 1]
-    told = {name: ", ".join(f"{key}={each.get(key)}" for key in differ) for name, each in values.items()}
-    return [Run(told[n] or "all seeds", r.settings, r.curve, r.recent, r.about, r.seconds) for n, r in named.items()]
+    names = {name: ", ".join(f"{key}={each.get(key)}" for key in differ) for name, each in values.items()}
+    return [Run(names[n] or "all seeds", r.settings, r.curve, r.recent, r.about, r.seconds) for n, r in named.items()]
 
 
 def curves(runs: Sequence[Run]) -> str:
@@ -398,16 +383,10 @@ def curves(runs: Sequence[Run]) -> str:
 
 
 def _figure(title: str, columns: list[str], runs: Sequence[Run], unit: float, top: float | None) -> str:
-    series = [
-        document.Line(
-            NAMES.get(column, column),
-            [x / 1e6 for x in run.curve["env_steps"]][: len(run.curve[column])],
-            run.curve[column],
-        )
-        for column in columns
-        for run in runs
-        if column in run.curve
-    ]
+    series = []
+    for column, run in ((column, run) for column in columns for run in runs if column in run.curve):
+        x, y = [steps / 1e6 for steps in run.curve["env_steps"]], run.curve[column]
+        series.append(document.Line(NAMES.get(column, column), x[: len(y)], y))
     return document.lines(title, "environment steps [millions]", series, unit, top) if series else ""
 
 

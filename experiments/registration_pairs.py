@@ -32,7 +32,7 @@ MIN_AREA, MIN_TRAVEL = 0.02, 0.05
 """[m^2] and [m] Smallest front, and smallest path of its centre, of a part that is opened."""
 MOVED = 4
 """Free objects that stand elsewhere at the second visit."""
-DEFAULTS = ["annotators.careful.border=0", "annotators.careful.axis=0", "annotators.careful.origin=0"]
+DEFAULTS = ["annotator.border=0", "annotator.axis=0", "annotator.origin=0"]
 """Faces and joints as they are, not as an annotator sees them."""
 
 

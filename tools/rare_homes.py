@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from dataclasses import replace
 
 from s2a.core import config
 from s2a.core.progress import track
-from s2a.homes.commands.pool import Config, rooms_of
+from s2a.homes.commands.pool import Config, home_of, rooms_of
 from s2a.homes.furnishing import furnish
 from s2a.homes.room import catalog, handle_of, part_truth
 from s2a.homes.sample import SampleConfig, streams
@@ -34,7 +33,7 @@ def main() -> None:
     pool = config.load(Config, config.compose("pool", ["+split=train", f"count={args.seeds}", "out=unused"]))
     homes = rooms_of(pool)
     counts = {
-        f"{kind}_{seed}": handles(replace(pool.sample, room=kind, seed=seed))
+        f"{kind}_{seed}": handles(home_of(pool, kind, seed, pool.out))
         for kind, seed in track(homes, "homes", len(homes))
     }
     for family in args.family:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import torch
 
-from s2a import robot
 from s2a.core.bounds import Count, CountFromZero, NotNegative
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
@@ -24,7 +23,7 @@ from s2a.learn.rl.ppo import load_policy
 from s2a.learn.rl.run_folder import read_world
 from s2a.motion.policy import Planner
 from s2a.motion.trajectory import Demonstration, PlannerConfig
-from s2a.robot.spec import RobotSpec
+from s2a.robot import Robot
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage
 from s2a.tasks import MdpSettings, MetricSettings, make_env, pool
@@ -50,7 +49,7 @@ class Config:
         num_envs: worlds that are stepped together, at most.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of start noise and of what differs between worlds.
-        robot: the robot that the parts were prepared for.
+        robot: the robot that the parts were prepared for, as panda or baxter.
         sim: how physics is stepped, the same for all policies.
         task: what the robot has to do; a trained policy has its own settings of what it observes.
         metrics: what is reported of an episode.
@@ -71,7 +70,7 @@ class Config:
     num_envs: Count
     device: str
     seed: CountFromZero
-    robot: RobotSpec
+    robot: Robot
     sim: SimConfig
     task: MdpSettings
     metrics: MetricSettings
@@ -90,7 +89,6 @@ def run(config: Config) -> str:
             "or more, or fewer episodes"
         )
     who, task, act = _actor(config)
-    robot.check_unchanged(config.robot)
     entries, motions = pool.read(config.stage), pool.motions(config.stage)
     device, stages = device_of(config.device), pool.stages(config.stage, config.robot.name)
     if config.perception:

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from s2a import robot, tasks
+from s2a import tasks
 from s2a.commands.worlds import WorldsConfig
 from s2a.core.bounds import Count
 from s2a.core.errors import InputError
@@ -137,7 +137,6 @@ def _stage(config: Config, task: MdpConfig) -> SimStage:
     """Return the stage of the dataset that is there, or read it, for which some tasks plan."""
     if not (config.out / STAGE).is_file():
         return config.read_stage()
-    robot.check_unchanged(config.robot)
     stage = read_stage(tasks.task(task.name).Stage, config.stage, config.out)
     other = {"part": config.part not in (None, stage.target), "also": bool(set(config.also) - set(stage.also))}
     if any(other.values()):

@@ -17,7 +17,7 @@ from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.learn.perception.depth_camera import PartPoints
 from s2a.learn.perception.network import NetworkConfig, Perception, error_table, features, key_of, of_pool, save, train
-from s2a.robot.spec import RobotSpec
+from s2a.robot import Robot
 from s2a.sim.simulation import device_of
 from s2a.tasks import pool
 from s2a.tasks.mdp.seen import truth
@@ -32,7 +32,7 @@ class Config:
         out: folder of perception.pt, the network; estimates.npz; and errors.json.
         folds: networks of which each is trained on the rooms of the others; their estimates are what a camera makes of parts
             that a network was not trained on, for a policy to be trained with.
-        robot: the robot that the parts were prepared for.
+        robot: the robot that the parts were prepared for, as panda or baxter.
         network: how it is trained.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the networks and of what is drawn.
@@ -41,7 +41,7 @@ class Config:
     stage: Path
     out: Path
     folds: Annotated[int, AtLeast(2)]
-    robot: RobotSpec
+    robot: Robot
     network: NetworkConfig
     device: str
     seed: CountFromZero

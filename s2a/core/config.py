@@ -43,6 +43,17 @@ class Chosen:
 
 
 @dataclass(frozen=True)
+class Named:
+    """Annotation of a field that a name stands for: `Annotated[RobotSpec, Named(load)]`; what it holds is no keys.
+
+    Attributes:
+        read: name -> the field's value; InputError for a name that there is not.
+    """
+
+    read: Callable[[str], Any]
+
+
+@dataclass(frozen=True)
 class Described:
     """Annotation of a dictionary field whose keys depend on the values: `Annotated[dict[str, float], Described(describe)]`.
 
@@ -81,7 +92,12 @@ def compose(name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
 
 def file(name: str) -> dict[str, Any]:
     """Return the values of one file of the tree, `conf/<name>.yaml`; unlike `compose`, also inside of a Hydra job."""
-    return plain(OmegaConf.load(folder() / f"{name}.yaml"))
+    return read(folder() / f"{name}.yaml")
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Return the values of a YAML file."""
+    return plain(OmegaConf.load(path))
 
 
 def plain(config: Any, resolve: bool = True) -> dict[str, Any]:
@@ -121,7 +137,7 @@ def load(cls: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
     return loaded
 
 
-N = TypeVar("N", Chosen, Described)
+N = TypeVar("N", Chosen, Described, Named)
 
 
 def note(cls: type, key: str, kind: type[N]) -> N | None:
@@ -133,7 +149,8 @@ def note(cls: type, key: str, kind: type[N]) -> N | None:
 def _chosen(cls: type, key: str, value: Any, values: Mapping[str, Any]) -> Any:
     """Return a field's value, loaded where its dataclass depends on the values; InputError for a key that nothing describes."""
     if not isinstance(value, Mapping):
-        return value
+        named = note(cls, key, Named) if isinstance(value, str) else None
+        return named.read(value) if named else value
     if (described := note(cls, key, Described)) and (
         unknown := set(value).difference(known := described.describe(values))
     ):

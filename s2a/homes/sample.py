@@ -218,27 +218,24 @@ class SampleConfig:
     Attributes:
         room: kind of room.
         seed: what furnishes it and draws all errors; the same seed gives the same files.
-        detail: which of the scanners is used.
-        annotator: whose errors the annotation has.
+        detail: the scanner: demo (laser, half a minute, 0.1 to 0.25 million vertices), full (laser, a minute or two, 0.8 to 1.9
+            million), rgbd (depth camera, as ScanNet), phone (1 to 3 cm, smoothed, with a textured GLB).
+        annotator: errors of parts and joints: careful, hasty, or wrong (hasty, and one axis in ten reversed).
         open: coordinates of parts that stand open [m] or [rad], by their ids: the same home scanned again; None: all closed.
         moved: number of free objects that stand elsewhere than without it.
         visit: 0: the scanner stands where it always does; n: the n-th later visit to the same home, with scanner positions,
             errors and a scene frame of its own.
         out: folder that is written.
-        scanner: the scanners by detail.
-        annotators: the annotators' errors by their names.
     """
 
     room: RoomKind
     seed: CountFromZero
-    detail: Literal["demo", "full", "rgbd", "phone"]
-    annotator: Literal["careful", "hasty", "wrong"]
+    detail: ScannerConfig
+    annotator: AnnotationConfig
     open: dict[str, float] | None
     moved: CountFromZero
     visit: CountFromZero
     out: Path
-    scanner: dict[str, ScannerConfig]
-    annotators: dict[str, AnnotationConfig]
 
 
 @dataclass(frozen=True)
@@ -295,9 +292,9 @@ def scan_room(config: SampleConfig) -> Scan:
     room = room.turned(yaw)
     entries = catalog(room.pieces)
     surface, owners = cad(entries)
-    capture = Capture(surface, room, config.scanner[config.detail], paint)
+    capture = Capture(surface, room, config.detail, paint)
     mesh = capture.scan(errors)
-    errs = config.annotators[config.annotator]
+    errs = config.annotator
     numbers = capture.numbers(mesh, owners, errs, annotator)
     joints, backwards = reversed_joints(annotated_joints(entries, errs, annotator), errs, annotator)
     missed = overlooked(entries, errs, annotator)
@@ -332,7 +329,7 @@ def write(scan: Scan, config: SampleConfig, out: Path) -> None:
 
     (out / "truth").mkdir(parents=True, exist_ok=True)
     write_ply(out / "mesh_aligned_0.05.ply", scan.mesh)
-    if config.scanner[config.detail].glb:
+    if config.detail.glb:
         files.write(out / "scan.glb", scan.mesh.vertices, scan.mesh.faces, scan.paint)
     segments = {"sceneId": scan.name, "segIndices": list(range(len(scan.mesh.vertices)))}
     files.write_json(out / "segments.json", segments)
@@ -351,14 +348,14 @@ def truth_record(scan: Scan, config: SampleConfig) -> dict[str, Any]:
         "name": scan.name,
         "room": config.room,
         "seed": config.seed,
-        "detail": config.detail,
+        "detail": config.detail.name,
         "yaw": scan.room.yaw,
         "size": list(scan.room.size),
-        "scanners": scan.room.scanners[: config.scanner[config.detail].poses].tolist(),
+        "scanners": scan.room.scanners[: config.detail.poses].tolist(),
         "parts": {entry.part_id: part_truth(entry, ids) for entry in scan.entries},
     }
-    if config.annotator != "careful":
-        record["annotator"] = {"name": config.annotator, **scan.mistakes}
+    if config.annotator.name != "careful":
+        record["annotator"] = {"name": config.annotator.name, **scan.mistakes}
     if config.open or config.moved:
         record["again"] = {"open": config.open or {}, "moved": {i: m.tolist() for i, m in in_scene(scan).items()}}
     if config.visit:

@@ -279,6 +279,7 @@ class ScannerConfig:
     """How a room is scanned.
 
     Attributes:
+        name: of the scanner.
         poses: number of places from which it is scanned.
         spacing: mean angle between rays [rad].
         reach: longest range that is measured [m].
@@ -294,6 +295,7 @@ class ScannerConfig:
         glb: Write a textured GLB with y up beside the annotated scan.
     """
 
+    name: str
     poses: Annotated[int, AtLeast(4, 24)]
     spacing: Positive
     reach: Positive

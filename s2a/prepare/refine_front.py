@@ -20,7 +20,7 @@ MOST = 150
 DENSITY, FEWEST, LARGEST = 25_000.0, 2_000, 60_000
 """Points that stand for a surface: per m^2, at least, at most."""
 PLANE_BORDER = 0.008
-"""[m] So much of a front's border is left out: a voxel (`conf/synth/demo.yaml`: 6 mm) rounds the edge off, and annotated borders
+"""[m] So much of a front's border is left out: a voxel (`conf/detail/demo.yaml`: 6 mm) rounds the edge off, and annotated borders
 are ragged by 2.5 mm. Between 3 and 12 mm it matters little (0.125 to 0.137 degrees up and down, root mean square, of the fronts
 of docs/refinement.md's first row); with the border it is 0.16."""
 FILLED = 0.2

@@ -36,7 +36,7 @@ class RefineConfig:
         ajar: largest distance of a front before the others that is taken for standing ajar [m]. What stands farther
             before the other fronts is another cabinet's, or open.
         axis: of the annotated axes where a room has too few joints to tell, each of two components [rad]. 1 deg;
-            annotators err by 0.2 (conf/synth/careful.yaml) to 1.3 (hasty.yaml) in each direction.
+            annotators err by 0.2 (conf/annotator/careful.yaml) to 1.3 (hasty.yaml) in each direction.
         arm: annotated lines err by so much per error of their axis [m/rad]: both come from two points that someone
             picked. M/rad, 10 mm per degree: a line drawn through two points 0.8 m apart.
         zero: of the closed coordinate of a slide [m].

@@ -21,6 +21,7 @@ from s2a.prepare.part_hulls import CabinetConfig, ColliderConfig, anchor, cabine
 from s2a.prepare.refine import Refined, refine, sentence, with_joints
 from s2a.prepare.refine_loss import RefineConfig
 from s2a.prepare.room_hulls import LevelTop, RoomConfig, StaticRoom, below_tops, cut_out
+from s2a.robot import Robot
 from s2a.robot.spec import RobotSpec
 from s2a.scene.articulation import lever_arm
 from s2a.scene.geometry.convex import column
@@ -84,7 +85,7 @@ class PrepareSettings:
         targets: articulated parts that a robot can move: all, the id of one such as drawer_7, or several; all others are frozen.
         free: ids of objects that lie about freely instead of being one with the room, such as [teddy_bear_12].
         out: the sim.usd to write; its visuals are written beside it.
-        robot: the robot that is to move them.
+        robot: the robot that is to move them, as panda or baxter.
         prepare: how the scene is prepared.
         refine_joints: Correct annotated joints by what the scan shows of their parts and furniture (docs/refinement.md).
         refine: how far furniture and annotations are trusted then.
@@ -94,7 +95,7 @@ class PrepareSettings:
     targets: str | tuple[str, ...]
     free: tuple[str, ...]
     out: Path
-    robot: RobotSpec
+    robot: Robot
     prepare: PrepareConfig
     refine_joints: bool
     refine: RefineConfig

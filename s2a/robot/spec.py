@@ -1,4 +1,4 @@
-"""Description of a robot: one arm with a parallel gripper, from `conf/robot/<name>.yaml`."""
+"""Description of a robot: one arm with a parallel gripper, from `s2a/robot/<name>/robot.yaml`."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ def make(
     mdp = config.load(kind.Config, values["task"])
     metrics: Any = config.load(kind.Metrics, values["metrics"])
     is_named = any(each.startswith("robot=") for each in overrides)  # else the one that the room was prepared for
-    motion, robot = config.load(PlannerConfig, values["planner"]), values["robot"]["name"] if is_named else None
+    motion, robot = config.load(PlannerConfig, values["planner"]), values["robot"] if is_named else None
     stages = read_stages(kind, Path(room), part, robot, (), mdp, motion)
     sim = Simulation(stages, config.load(SimConfig, values["sim"]), num_envs, device_of(device))
     return TaskVectorEnv(make_env(sim, mdp, metrics, values["reward"], seed, final_observation=True))

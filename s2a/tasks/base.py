@@ -77,7 +77,7 @@ class PartMdp(MdpConfig):
     contact_force: NotNegative
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MetricsConfig:
     """Thresholds of what is reported, of every task; they change neither what the robot sees nor its reward.
 
@@ -85,7 +85,7 @@ class MetricsConfig:
         error_fraction: fraction of the episodes from which infinite values, dropped rows and dropped contacts are warned of.
     """
 
-    error_fraction: Fraction
+    error_fraction: Fraction = 0.001
 
 
 @dataclass(frozen=True)

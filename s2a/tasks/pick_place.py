@@ -63,19 +63,20 @@ class PickPlaceConfig(MdpConfig):
     clear_distance: NotNegative
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PickPlaceMetrics(MetricsConfig):
     """Thresholds of what is reported.
 
     Attributes:
         carried_fraction: fraction of the object's path over which a grasp must have held.
-        max_drift: largest displacement of the object after the robot last touched it [m].
+        max_drift: largest displacement of the object after the robot last touched it [m]. After the last touch: more is
+            dropped or thrown.
         max_disturbance: largest displacement of anything else that can move [m].
     """
 
     carried_fraction: Fraction
-    max_drift: NotNegative
-    max_disturbance: NotNegative
+    max_drift: NotNegative = 0.02
+    max_disturbance: NotNegative = 0.005
 
 
 class PickPlace(Task):

@@ -154,7 +154,7 @@ def test_no_command_replaces_the_current_folder(
     monkeypatch.chdir(tmp_path)
     tiny_scan.write(tmp_path / "scan")
     before = names(tmp_path)
-    values = {"zoo": [], "export": [f"scan={tmp_path / 'scan'}"], "sample": ["synth=demo", "room=office"]}[command]
+    values = {"zoo": [], "export": [f"scan={tmp_path / 'scan'}"], "sample": ["detail=demo", "room=office"]}[command]
     if command == "export" and out:
         pytest.skip("export puts two files into a folder that may hold others")
     start = time.monotonic()

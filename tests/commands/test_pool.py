@@ -143,6 +143,6 @@ def test_a_room_becomes_a_pool_once(tmp_path: Path, capsys: pytest.CaptureFixtur
     before = (tmp_path / "hallway_0.usd").stat().st_mtime_ns
     assert cli.main(keys) == 0
     assert (tmp_path / "hallway_0.usd").stat().st_mtime_ns == before
-    assert cli.main([*keys, "sample.annotator=hasty"]) == 2
+    assert cli.main([*keys, "annotator=hasty"]) == 2
     run = ["train", f"stage={tmp_path / 'pool.json'}", "demo_reset_fraction=0.5", "demo_moved_fraction=0.3", *SMALL]
     assert cli.main([*run, f"out={tmp_path / 'run'}"]) == 0

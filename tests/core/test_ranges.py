@@ -16,11 +16,11 @@ from s2a.core.errors import InputError
 IMPOSSIBLE = {
     "sample": [
         ("seed", "-1", "0 or more"),
-        ("scanner.demo.poses", "3", "a number from 4 to 24"),
-        ("scanner.full.spacing", "-1.0", "a number above 0"),
-        ("scanner.demo.fusion.voxel", "0.0", "a number above 0"),
-        ("scanner.demo.thin.keep", "1.5", "a number above 0, up to 1"),
-        ("annotators.careful.border", "-0.1", "0 or more"),
+        ("detail.poses", "3", "a number from 4 to 24"),
+        ("detail.spacing", "-1.0", "a number above 0"),
+        ("detail.fusion.voxel", "0.0", "a number above 0"),
+        ("detail.thin.keep", "1.5", "a number above 0, up to 1"),
+        ("annotator.border", "-0.1", "0 or more"),
     ],
     "prepare": [
         ("prepare.decimate.structure", "0.0", "a number above 0, up to 1"),

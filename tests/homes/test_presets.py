@@ -40,7 +40,7 @@ def take(out: Path) -> Path:
     """Write a coarse phone scan by a hasty annotator with a drawer open, and return its folder."""
     drawer = next(e.part_id for e in catalog(home(*ROOM).pieces) if e.piece.name == "detergent drawer")
     keys = [f"room={ROOM[0]}", f"seed={ROOM[1]}", "detail=phone", "annotator=hasty", "moved=1"]
-    keys += ["scanner.phone.poses=6", "scanner.phone.fusion.voxel=0.05", f"open={{{drawer}: 0.1}}", f"out={out}"]
+    keys += ["detail.poses=6", "detail.fusion.voxel=0.05", f"open={{{drawer}: 0.1}}", f"out={out}"]
     sample(config.load(SampleConfig, config.compose("sample", keys)), out)
     return out
 
@@ -118,8 +118,8 @@ def test_overlooked_handles_are_no_parts_of_the_annotation_but_of_the_truth(phon
 
 def test_a_hasty_annotator_overlooks_and_a_wrong_one_reverses() -> None:
     entries = catalog(home("kitchen", 0).pieces)
-    wrong = config.load(SampleConfig, config.compose("sample", ["out=nowhere"])).annotators["wrong"]
-    exact = annotated_joints(entries, load(AnnotationConfig, "synth/careful"), np.random.default_rng(0))
+    wrong = config.load(SampleConfig, config.compose("sample", ["out=nowhere", "annotator=wrong"])).annotator
+    exact = annotated_joints(entries, load(AnnotationConfig, "annotator/careful"), np.random.default_rng(0))
     flipped = [reversed_joints(exact, wrong, np.random.default_rng(seed)) for seed in range(30)]
     share = np.mean([len(numbers) / len(exact) for _, numbers in flipped])
     assert 0.05 < share < 0.15
@@ -174,7 +174,7 @@ def test_at_another_visit_the_scanner_stands_elsewhere_in_free_air() -> None:
 
 
 def test_a_visit_has_its_own_frame_errors_and_name_and_says_so_in_the_truth() -> None:
-    keys = ["room=hallway", "scanner.demo.fusion.voxel=0.05", "scanner.demo.spacing=0.02", "out=none"]
+    keys = ["room=hallway", "detail.fusion.voxel=0.05", "detail.spacing=0.02", "out=none"]
     configs = [config.load(SampleConfig, config.compose("sample", [*keys, f"visit={n}"])) for n in (0, 1, 2)]
     scans = [scan_room(c) for c in configs]
     assert len({s.name for s in scans}) == 3 and len({s.room.yaw for s in scans}) == 3

@@ -22,9 +22,9 @@ from s2a.scene.usd import geometric
 COARSE = (
     "room=office",
     "seed=101",
-    "scanner.demo.spacing=0.006",
-    "scanner.demo.fusion.voxel=0.014",
-    "scanner.demo.thin.merge=1",
+    "detail.spacing=0.006",
+    "detail.fusion.voxel=0.014",
+    "detail.thin.merge=1",
 )
 """A scanner for tests: seconds; bars are a blur to it."""
 CABINET, DRAWER, HANDLE = "storage_cabinet_13", "drawer_15", "handle_18"

@@ -8,6 +8,8 @@ from dataclasses import replace
 import pytest
 
 from s2a import robot
+from s2a.commands import bench
+from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.robot.spec import MotionLimits
 
@@ -38,11 +40,14 @@ def test_one_value_per_arm_joint_is_demanded() -> None:
         replace(spec, drives=replace(spec.drives, rotor_inertia=(0.1,)))
 
 
-def test_a_robot_that_a_command_changed_is_refused() -> None:
-    panda = robot.load("panda")
-    robot.check_unchanged(panda)
-    with pytest.raises(InputError, match=r"differs from conf/robot/panda.yaml"):
-        robot.check_unchanged(replace(panda, urdf="other.urdf"))
+def test_a_command_takes_a_robot_by_its_name_and_none_of_its_values() -> None:
+    given = ["stage=x", "out=z"]
+    loaded = config.load(bench.Config, config.compose("bench", [*given, "robot=baxter"]))
+    assert loaded.robot == robot.load("baxter")
+    with pytest.raises(InputError, match="robot 'pandas' does not exist; did you mean: panda"):
+        config.load(bench.Config, config.compose("bench", [*given, "robot=pandas"]))
+    with pytest.raises(InputError, match="is unknown|robot"):
+        config.compose("bench", [*given, "robot.name=x"])
 
 
 def test_what_an_arm_keeps_up_leaves_its_joints_a_window_behind() -> None:

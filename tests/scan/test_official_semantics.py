@@ -94,7 +94,7 @@ def test_a_hundred_rooms_are_read_as_by_the_loader(kind: str, seed: int, tmp_pat
 def check_loader(kind: str, seed: int, tmp_path: Path) -> None:
     """Assert that our reader, the loader's rules and the truth agree on a room's files."""
     entries = furnished(kind, seed)
-    joints = annotated_joints(entries, load(AnnotationConfig, "synth/careful"), np.random.default_rng(seed))
+    joints = annotated_joints(entries, load(AnnotationConfig, "annotator/careful"), np.random.default_rng(seed))
     folder = write(tmp_path / "scan", entries, joints)
     official = by_the_loader(folder)
     assert by_our_reader(scan.read(folder)) == official

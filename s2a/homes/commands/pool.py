@@ -8,7 +8,7 @@ import logging
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -20,14 +20,16 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import StdoutFilter, track
 from s2a.core.provenance import provenance
+from s2a.homes.capture import AnnotationConfig
 from s2a.homes.room import handle_of
 from s2a.homes.sample import RoomKind, SampleConfig, sample
+from s2a.homes.scanner import ScannerConfig
 from s2a.learn.perception import depth_camera as cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
 from s2a.motion.open import demonstration
 from s2a.motion.trajectory import Demonstration, PlannerConfig
 from s2a.prepare.room import ALL, PrepareConfig, prepare
-from s2a.robot.spec import RobotSpec
+from s2a.robot import Robot
 from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage, stage_of
@@ -48,8 +50,9 @@ class Config:
         leave_out: families or styles of handles that are not taken.
         frames: of a depth camera that are taken of each part, for s2a perceive; 0: none.
         depth_camera: the camera that takes them.
-        sample: how rooms are drawn and scanned; its room, seed and out are not used.
-        robot: the robot.
+        detail: the scanner of the rooms, as of s2a sample.
+        annotator: the errors of their annotation, likewise.
+        robot: the robot, as panda or baxter.
         prepare: how the scenes are prepared.
         sim: how physics is stepped where the parts are trained on: how fast a motion may be.
         task: what the robot has to do with each part.
@@ -65,8 +68,9 @@ class Config:
     leave_out: tuple[str, ...]
     frames: CountFromZero
     depth_camera: DepthCameraConfig
-    sample: SampleConfig
-    robot: RobotSpec
+    detail: ScannerConfig
+    annotator: AnnotationConfig
+    robot: Robot
     prepare: PrepareConfig
     sim: SimConfig
     task: MdpSettings
@@ -108,6 +112,11 @@ def rooms_of(config: Config) -> list[tuple[RoomKind, int]]:
     return list(specs)
 
 
+def home_of(config: Config, kind: RoomKind, seed: int, out: Path) -> SampleConfig:
+    """Return the settings of the scan of one home, all closed, which is written to a folder."""
+    return SampleConfig(kind, seed, config.detail, config.annotator, None, 0, 0, out)
+
+
 def is_taken(handle: str, config: Config) -> bool:
     """Return whether no handle of a part, "bar, knob", is of those that are left out."""
     return not set(handle.split(", ")) & set(config.leave_out)
@@ -145,7 +154,7 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
     file = config.out / f"{name}.usd"
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "scan"
-        sample(replace(config.sample, room=kind, seed=seed, out=place), place)
+        sample(home_of(config, kind, seed, place), place)
         scene = scan.read(place)
         truth = json.loads((place / "truth/truth.json").read_text())["parts"]
         room = prepare(scene, ALL, config.prepare, (), config.robot)

@@ -7,7 +7,6 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a import robot
 from s2a.core.bounds import Positive
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
@@ -17,7 +16,7 @@ from s2a.joints.dynamics import PARAMETERS, Dynamics
 from s2a.joints.identify import fit, identify
 from s2a.joints.pull import Noise, header, read
 from s2a.joints.pulled import Moving, moving
-from s2a.robot.spec import RobotSpec
+from s2a.robot import Robot
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.joints import Resistance, SoftClose
 from s2a.scene.usd.sim_read import refuse_unphysical
@@ -39,7 +38,7 @@ class Config:
             (along it); or of the robot, with its joints and their torques, as `s2a evaluate recordings=...` writes them. Or
             folders of LeRobot datasets, whose features have these names; an episode is a recording.
         episodes: of each dataset, by number; none: all.
-        robot: the robot of its own recordings; it stood where the stage has its base.
+        robot: the robot of its own recordings, as panda or baxter; it stood where the stage has its base.
         torques_carry_weight: Take the recorded torques as carrying the robot's own weight too.
         soft_close_reach: path of the grasp point from shut over which a soft close acts, if the part has one and the stage does
             not say [m].
@@ -53,7 +52,7 @@ class Config:
     part: str | None
     pulls: tuple[Path, ...]
     episodes: tuple[int, ...]
-    robot: RobotSpec
+    robot: Robot
     torques_carry_weight: bool
     soft_close_reach: Positive
     out: Path
@@ -98,7 +97,6 @@ def _identified(config: Config, body: Moving, part: str) -> Dynamics:
         raise InputError(
             f"{config.pulls[by_robot.index(False)]} is no recording of {spec.name}'s joints, others are; give those of one kind"
         )
-    robot.check_unchanged(spec)
     base = read_stage(config.stage, part, robot=spec.name).base
     recordings = [each for path in config.pulls for each in pull.read_recordings(path, spec, config.episodes)]
     pulls = [pull.recorded_pull(each, spec, base, body, config.torques_carry_weight) for each in recordings]

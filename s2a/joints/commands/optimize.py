@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from s2a import robot, tasks
+from s2a import tasks
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.joints.pull_optimize import PullConfig, optimize
@@ -14,7 +14,7 @@ from s2a.joints.pulled import pulled
 from s2a.motion import trajectory
 from s2a.motion.open import planned_path
 from s2a.motion.trajectory import PlannerConfig
-from s2a.robot.spec import RobotSpec
+from s2a.robot import Robot
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
@@ -32,7 +32,7 @@ class Config:
         part: id of the articulated part; null: the only one of the stage.
         out: the file to write, for `planner.pull_law`.
         offset: how much farther than predicted an earlier pull of the part ended [m].
-        robot: the robot that the stage was prepared for.
+        robot: the robot that the stage was prepared for, as panda or baxter.
         sim: how physics is stepped: what resists where nothing was identified, gains and limits of the arm.
         task: what is done: a part is opened, as far as the planner's motion says, or closed, from where episodes begin.
         planner: the planner's motion.
@@ -43,7 +43,7 @@ class Config:
     part: str | None
     out: Path
     offset: float
-    robot: RobotSpec
+    robot: Robot
     sim: SimConfig
     task: tasks.MdpSettings
     planner: PlannerConfig
@@ -63,7 +63,6 @@ def run(config: Config) -> str:
         )
     refuse_unphysical(config.stage)
     stage = read_stage(config.stage, config.part, robot=config.robot.name)
-    robot.check_unchanged(config.robot)
     sim = Simulation(stage, config.sim, 1)
     tool_path = partial(tasks.task(config.task.name).tool_path, config=config.task)
     target = pulled(sim, *planned_path(sim, config.planner, tool_path), config.offset)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from s2a import robot
 from s2a.core.bounds import CountFromZero
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.outputs import atomic_write
@@ -19,7 +18,7 @@ from s2a.language.do.plan import check_sentence
 from s2a.language.do.rules import rules
 from s2a.language.do.run import Result, RoomContext, do
 from s2a.motion.trajectory import PlannerConfig
-from s2a.robot.spec import RobotSpec
+from s2a.robot import Robot
 from s2a.scene.usd import descriptive, sim_stage
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.camera import CameraConfig
@@ -47,7 +46,7 @@ class Config:
         replans: plans that a model is asked for after a skill has failed.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the start noise.
-        robot: the robot that the stage was prepared for.
+        robot: the robot that the stage was prepared for, as panda or baxter.
         sim: how physics is stepped, the same for all skills.
         tasks: files of further tasks, each a skill by the name of its file (docs/new_task.md).
         skills: the task of each skill, and the thresholds of its metrics.
@@ -67,7 +66,7 @@ class Config:
     replans: CountFromZero
     device: str
     seed: CountFromZero
-    robot: RobotSpec
+    robot: Robot
     sim: SimConfig
     tasks: tuple[Path, ...]
     skills: Skills
@@ -83,7 +82,6 @@ def run(config: Config) -> str:
         CheckFailed: a skill failed, and no other plan did better; the record is written.
     """
     sentence = check_sentence(config.sentence)
-    robot.check_unchanged(config.robot)
     if config.images and config.images.exists() and not config.images.is_dir():
         raise InputError(f"key 'images' is {str(config.images)!r}, a file; give a folder")
     refuse_unphysical(config.stage)

@@ -18,7 +18,7 @@ class Bounds:
         outward: min cosine between the first motion of a front's middle and the side from which it was scanned. Right
             annotations reach 0.99, reversed ones -0.99, and motion in the front's plane 0.
         angle: max angle between a slide and its front's normal or edge, and between a hinge and an edge of its part
-            [deg]. Hasty annotators err by 3 (conf/synth/hasty.yaml), a fitted edge by 1; half of a tilt of 15.
+            [deg]. Hasty annotators err by 3 (conf/annotator/hasty.yaml), a fitted edge by 1; half of a tilt of 15.
         edge: max distance of a hinge line from the edge of its part [m]. Hasty annotators err by 0.03, scanned borders
             by 0.01, and knuckles stand 0.03 beside a leaf.
         edge_fraction: the same, as a fraction of the part's breadth across the hinge; the smaller of both counts. Of

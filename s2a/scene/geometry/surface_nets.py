@@ -253,7 +253,7 @@ def _is_shorter(points: np.ndarray, quads: np.ndarray) -> np.ndarray:
     return ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ThinConfig:
     """How the fused surface is thinned out.
 
@@ -266,7 +266,7 @@ class ThinConfig:
     """
 
     merge: Literal[1, 2, 4]
-    bend: NotNegative
+    bend: NotNegative = 8.0
     max_thickness: NotNegative
     keep: Annotated[float, Above(0.0, 1.0)]
     min_faces: CountFromZero

@@ -345,11 +345,12 @@ def _static(room: SimRoom) -> dict[str, Mesh]:
 
 
 def _stands(room: SimRoom) -> Iterator[RobotStand]:
-    """Yield where robots stand whose sizes a file of conf/robot tells."""
+    """Yield where robots stand whose sizes a file of s2a/robot tells."""
     for part, articulation in room.articulations.items():
         for robot, base in articulation.bases.items():
-            if (config.folder() / "robot" / f"{robot}.yaml").is_file():
-                size = config.file(f"robot/{robot}")["base"]
+            file = Path(__file__).parents[2] / "robot" / robot / "robot.yaml"
+            if file.is_file():
+                size = config.read(file)["base"]
                 foot = np.array(base.position)
                 shoulder = foot + [0.0, 0.0, size["shoulder_height"]]
                 yield RobotStand(part, foot, shoulder, size["reach"], size["radius"], base.free)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import newton
 import numpy as np
 import torch
 import warp as wp
+from scipy.spatial.transform import Rotation
 
 from s2a import robot
 from s2a.core.errors import InputError
@@ -21,6 +23,9 @@ from s2a.sim.world import SimStage, body_index, build_world, empty_world
 FEW = 8
 """Stages that are built before a helper has started."""
 ATTRIBUTES = "custom_attributes"
+POSES, OWN = 9, 20
+"""Poses on a part's path in which pairs of hulls are counted, and those of the part for which `sim.nconmax` has room."""
+COLLIDES = int(newton.ShapeFlags.COLLIDE_SHAPES)
 
 
 def build_worlds(stages: Sequence[SimStage], config: SimConfig, *, with_robot: bool) -> list[newton.ModelBuilder]:
@@ -140,7 +145,7 @@ class Simulation:
                 self.part_dof = np.array([each.part_dof for each in layouts])[self.stage_of_env]
                 if config.vary is not None:
                     vary(self.model, self.layout, self.part_dof, config.vary)
-            self.solver = make_solver(self.model, config)
+            self.solver = make_solver(self.model, self._with_capacity(config) if with_robot else config)
             self.solver.mjw_model.opt.warn_overflow &= ~int(IGNORED_OVERFLOWS)
             self.state, self.before = self.model.state(), self.model.state()
             self.control = self.model.control()
@@ -151,6 +156,24 @@ class Simulation:
         self.body_q = wp.to_torch(self.state.body_q).view(num_envs, -1, 7)
         self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(num_envs, -1)
         self.after_substep: list[Callable[[], None]] = []
+
+    def _with_capacity(self, config: SimConfig) -> SimConfig:
+        """Return the settings with room for the contacts of a part of many hulls, among furniture of many hulls.
+
+        MuJoCo drops what is beyond `nconmax` pairs of hulls whose bounding boxes overlap, whether they touch or not. Those of
+        the part with all else are counted along its path in the first world of each stage; those beyond OWN get further room.
+        """
+        model, first = self.model, len(self.stages)
+        dofs = self.part_dof[:first] + np.arange(first) * (model.joint_dof_count // self.num_envs)
+        coords = self.part_coord[:first] + np.arange(first) * (model.joint_coord_count // self.num_envs)
+        limits = np.stack([model.joint_limit_lower.numpy()[dofs], model.joint_limit_upper.numpy()[dofs]])
+        poses, start = [], model.joint_q.numpy()
+        for fraction in np.linspace(0.0, 1.0, POSES):
+            start[coords] = limits[0] + fraction * (limits[1] - limits[0])
+            state = model.state()
+            newton.eval_fk(model, wp.array(start, dtype=float), model.joint_qd, state)
+            poses.append(state.body_q.numpy())
+        return replace(config, nconmax=config.nconmax + max(most_pairs(model, poses, first) - OWN, 0))
 
     def body(self, name: str) -> int:
         """Return the index of a body within a world."""
@@ -177,6 +200,42 @@ class Simulation:
         with wp.ScopedDevice(self.model.device), wp.ScopedCapture() as capture:
             function()
         return lambda: wp.capture_launch(capture.graph)
+
+
+def most_pairs(model: newton.Model, poses: Sequence[np.ndarray], worlds: int) -> int:
+    """Return the most pairs of shapes, one of a body that moves and one of another, whose bounding boxes overlap in a pose.
+
+    Args:
+        model: of all worlds.
+        poses: of all bodies (position, quaternion xyzw), shape [body 7] each.
+        worlds: how many of the worlds are looked at, the first ones.
+    """
+    body, world = model.shape_body.numpy(), model.shape_world.numpy()
+    some = np.flatnonzero((world >= 0) & (world < worlds) & (model.shape_flags.numpy() & COLLIDES > 0))
+    body, world = body[some], world[some]
+    local = _matrices(model.shape_transform.numpy()[some])
+    low, high = model.shape_collision_aabb_lower.numpy()[some], model.shape_collision_aabb_upper.numpy()[some]
+    moved = np.abs(poses[-1] - poses[0]).max(axis=1) > 1e-6
+    mine = (body >= 0) & moved[body]
+    most = 0
+    for pose in poses:
+        bodies = np.concatenate([_matrices(pose), np.eye(4)[None]])  # shapes of no body have the last, -1
+        place = bodies[body] @ local
+        center = np.einsum("nij,nj->ni", place[:, :3, :3], (low + high) / 2) + place[:, :3, 3]
+        half = np.einsum("nij,nj->ni", np.abs(place[:, :3, :3]), (high - low) / 2)
+        for number in range(worlds):
+            own, other = np.flatnonzero(mine & (world == number)), np.flatnonzero(~mine & (world == number))
+            apart = np.abs(center[own][:, None] - center[other]) > half[own][:, None] + half[other]
+            most = max(most, int((~apart.any(axis=2)).sum()))
+    return most
+
+
+def _matrices(transforms: np.ndarray) -> np.ndarray:
+    """Return 4 x 4 matrices of transforms (position, quaternion xyzw), shape [transform 4 4]."""
+    matrices = np.tile(np.eye(4), (len(transforms), 1, 1))
+    matrices[:, :3, :3] = Rotation.from_quat(transforms[:, 3:]).as_matrix()
+    matrices[:, :3, 3] = transforms[:, :3]
+    return matrices
 
 
 def device_of(key: str) -> str:

@@ -219,9 +219,8 @@ def grip(world: MujocoWorld, config: GripConfig) -> GripTest:
     # What turns about the grasp point itself opens without displacement: there half of the range counts alone.
     travel = config.opened / world.lever_arm if world.lever_arm > 0.0 else math.inf
     q = world.sign * min(travel, 0.5 * max(map(abs, world.stage.joint.limits)))
-    thin = 0.5 * float(world.stage.grasp_size[1])
-    widest = world.robot.gripper.finger_joint_open
-    finger_openings = [widest, *(min(widest, thin + margin) for margin in config.margins)]
+    thin, gripper = float(world.stage.grasp_size[1]), world.robot.gripper
+    finger_openings = [gripper.finger_joint_open, *(gripper.coordinate(thin + 2 * each) for each in config.margins)]
     if world.stage.internal:  # the fingers go into the pocket closed
         finger_openings = [0.0]
     attempts = []
@@ -272,8 +271,8 @@ def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: Gr
     are, and it stands still: equal forces alone would follow a load from one finger to the other.
     """
     stage, joint, fingers, dofs = world.stage, world.joint, world.fingers, world.finger_dofs
-    data = world.data(q, opening)
-    world.mj.opt.timestep, world.mj.dof_damping[dofs] = config.dt, config.damping
+    data, ratio = world.data(q, opening), world.robot.gripper.ratio
+    world.mj.opt.timestep, world.mj.dof_damping[dofs] = config.dt, config.damping * ratio**2
     world.place_gripper(data, _gripper_pose(world, q, depth))
     pull, towards = -world.sign * config.pull * world.lever_arm, 1.0 if stage.internal else -1.0
 
@@ -283,7 +282,7 @@ def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: Gr
         closed = data.qpos[fingers].copy()
         for _ in range(round(seconds / config.dt)):
             moved = data.qpos[fingers] - closed
-            data.qfrc_applied[dofs] = towards * config.force - gear * (moved - moved.mean())
+            data.qfrc_applied[dofs] = towards * config.force * ratio - gear * ratio**2 * (moved - moved.mean())
             data.qfrc_applied[world.dof] = torque + carried * data.qfrc_bias[world.dof]
             mujoco.mj_step(world.mj, data)
 
@@ -294,9 +293,12 @@ def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: Gr
     if not all(pressing):
         missing = "neither finger presses" if not any(pressing) else "only one finger presses"
         return GripTest(
-            False, f"the gripper {grips} to {1000 * data.qpos[fingers].sum():.0f} mm, but {missing}", None, region
+            False,
+            f"the gripper {grips} to {1000 * ratio * data.qpos[fingers].sum():.0f} mm, but {missing}",
+            None,
+            region,
         )
-    before, width = float(data.qpos[joint]), float(data.qpos[fingers].sum())
+    before, width = float(data.qpos[joint]), ratio * float(data.qpos[fingers].sum())
     run(config.pull_time, pull, config.gear)
     slip = abs(float(data.qpos[joint]) - before) * world.lever_arm
     word = f"{1000 * width:.0f} mm between the fingers; {config.pull:g} N for {config.pull_time:g} s move it {1000 * slip:.1f} mm"

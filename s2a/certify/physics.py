@@ -83,7 +83,7 @@ class MujocoWorld:
             add_gripper(builder, self.robot, wp.transform(wp.vec3(0.0, 0.0, PARKED), wp.quat_identity()))
             for i, label in enumerate(builder.joint_label):
                 if label.split("/")[-1] in gripper.joints:
-                    builder.joint_armature[builder.joint_qd_start[i]] = 0.1
+                    builder.joint_armature[builder.joint_qd_start[i]] = 0.1 * gripper.ratio**2
             self.model = builder.finalize()
             self.solver = newton.solvers.SolverMuJoCo(
                 self.model,
@@ -105,18 +105,30 @@ class MujocoWorld:
         self.labels = [path if path.startswith("/scene/") else owner for path, owner in zip(paths, owners, strict=True)]
         ends = [label.split("/")[-1] for label in self.model.joint_label]
         coordinates, dofs = self.model.joint_q_start.numpy(), self.model.joint_qd_start.numpy()
-        index, fingers = ends.index(self.stage.target), [ends.index(joint) for joint in gripper.joints]
+        index = ends.index(self.stage.target)
         self.joint, self.dof = int(coordinates[index]), int(dofs[index])
-        self.fingers, self.finger_dofs = coordinates[fingers], dofs[fingers]
+        # MuJoCo orders the joints of a linkage in its own way.
+        names = [str(label).replace("/", "_") for label in self.model.joint_label]
+        fingers = [self.mj.joint(names[ends.index(joint)]) for joint in gripper.joints]
+        self.fingers = np.array([finger.qposadr[0] for finger in fingers])
+        self.finger_dofs = np.array([finger.dofadr[0] for finger in fingers])
+        ratios = self.model.joint_mimic_coeffs.numpy()[:, 1]
+        self._followers = [
+            (int(self.mj.joint(names[i]).qposadr[0]), int(self.mj.joint(names[leader]).qposadr[0]), float(ratios[i]))
+            for i, leader in enumerate(self.model.joint_mimic_joint.numpy())
+            if leader >= 0
+        ]
         self.carrier = str(self.model.body_label[int(self.model.joint_parent.numpy()[index])]).split("/")[-1]
         label = str(self.model.body_label[bodies.index(gripper.body)])
         self._gripper = int(self.mj.body_mocapid[self.mj.body(label.replace("/", "_")).id])
 
     def data(self, q: float = 0.0, finger: float = 0.0) -> mujoco.MjData:
-        """Return a state at rest: the target's coordinate [m or rad], both fingers' [m]."""
+        """Return a state at rest: the target's coordinate [m or rad], both fingers' [m or rad]."""
         data = mujoco.MjData(self.mj)
         data.qpos[self.joint] = q
         data.qpos[self.fingers] = finger
+        for follower, leader, ratio in self._followers:
+            data.qpos[follower] = ratio * data.qpos[leader]
         mujoco.mj_kinematics(self.mj, data)
         return data
 

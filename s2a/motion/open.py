@@ -181,7 +181,8 @@ def demonstration(sim: Simulation, settings: PlannerConfig, tool_path: Skill) ->
     """
     trajectory, arm = plan(sim, settings, tool_path), len(sim.robot.arm_joints)
     positions = np.concatenate([trajectory.targets, trajectory.part[:, None]], axis=1)
-    opened, held = position_limits(sim.robot)[1][arm:], sim.stage.grasp_size[1] / 2 + MARGIN
+    opened = position_limits(sim.robot)[1][arm:]
+    held = sim.robot.gripper.coordinate(sim.stage.grasp_size[1] + 2 * MARGIN)
     if trajectory.targets[:, arm:].any():  # what pushes is closed all the time
         before, after = (0.0, held_from_within(sim)) if sim.stage.internal else (opened, np.minimum(held, opened))
         positions[: trajectory.closed, arm:-1] = before
@@ -190,9 +191,9 @@ def demonstration(sim: Simulation, settings: PlannerConfig, tool_path: Skill) ->
 
 
 def held_from_within(sim: Simulation) -> float:
-    """Return the finger joints' coordinate at which the fingers are MARGIN off the walls of the pocket that they hold [m]."""
+    """Return the finger joints' coordinate at which they are MARGIN off the walls of the pocket that they hold [m or rad]."""
     gripper = sim.robot.gripper
-    return float(np.clip(sim.stage.grasp_size[1] / 2 - gripper.finger_box[1] - MARGIN, 0.0, gripper.finger_joint_open))
+    return gripper.coordinate(float(sim.stage.grasp_size[1]) - 2 * (gripper.finger_box[1] + MARGIN))
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull
 
+from s2a.core.cache import recall
+from s2a.robot import urdf
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
 
@@ -23,7 +28,7 @@ Penetration = tuple[float, str]
 
 
 class RobotShape:
-    """Spheres that cover a robot's links, its fingers fully open; `tools/robot_spheres.py` made them.
+    """Spheres that cover a robot's links, its fingers fully open.
 
     Attributes:
         kin: the robot's kinematics.
@@ -42,13 +47,12 @@ class RobotShape:
 
     def __init__(self, spec: RobotSpec) -> None:
         """Read the robot's spheres; `robot_shape` keeps one instance per robot."""
-        table = np.genfromtxt(Path(__file__).parent / spec.name / "spheres.csv", delimiter=",", dtype=str)[1:]
         self.kin: Kinematics = kinematics(spec)
-        self._link = np.array([self.kin.links.index(link) for link in table[:, 0]])
-        self._centers, self.radii = table[:, 1:4].astype(float), table[:, 4].astype(float)
+        links, self._centers, self.radii = spheres(spec)
+        self._link = np.array([self.kin.links.index(link) for link in links])
         self.moving = self.kin.arm_group[self._link] > 1
-        self.fingers = np.isin(table[:, 0], spec.gripper.links)
-        self.held = held = self.fingers | (table[:, 0] == spec.gripper.body)
+        held = np.isin(links, list(urdf.below(urdf.arm(spec), spec.gripper.body)))
+        self.held, self.fingers = held, held & (links != spec.gripper.body)
         home = np.array([spec.home])
         in_tool = (self.centers(home)[0] - self.kin.tool(home)[0, :3, 3]) @ self.kin.tool(home)[0, :3, :3]
         self.gripper, self.gripper_radii = in_tool[held], self.radii[held]
@@ -104,6 +108,73 @@ class RobotShape:
         centers = self.centers(home)
         pairs = [(a, b) for a in self._bodies for b in self._bodies if b > a + 1]
         return [pair for pair in pairs if self._depth(centers, *pair)[0] <= 0.0]
+
+
+FINGER_BULGE = 0.01
+"""[m] How far the spheres may stand out of a finger, whose room is small."""
+ROUND = 3
+"""Decimals of the spheres' centers and radii [m]."""
+
+
+def spheres(spec: RobotSpec) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return spheres around a robot's links: link of each, shape [sphere], center in its frame [m], [sphere 3], radius [m].
+
+    Those of a robot of this package are a file; others are made of its collision geometry once, and kept in the cache.
+    """
+    file = Path(__file__).parent / spec.name / "spheres.csv"
+    if file.is_file() and not Path(spec.model).is_absolute():
+        table = np.genfromtxt(file, delimiter=",", dtype=str)[1:]
+        return table[:, 0], table[:, 1:4].astype(float), table[:, 4].astype(float)
+    robot = ElementTree.tostring(urdf.arm(spec), encoding="unicode")
+    made = recall("spheres", [robot, *spec.gripper.links, spec.gripper.body], lambda: cover(spec))
+    return made["link"], made["center"], made["radius"]
+
+
+def cover(spec: RobotSpec) -> dict[str, np.ndarray]:
+    """Return spheres around the convex hulls of a robot's collision geometry: link, center and radius of each.
+
+    They stand out of the hulls by BULGE at most, out of those of the fingers by FINGER_BULGE.
+    """
+    fingers = urdf.below(urdf.arm(spec), spec.gripper.body) - {spec.gripper.body}
+    links, balls = [], []
+    for name, solids in hulls(spec).items():
+        for solid in solids:
+            covering = _cover(solid, FINGER_BULGE if name in fingers else BULGE)
+            links += [name] * len(covering)
+            balls += covering
+    table = np.array(balls).round(ROUND)
+    return {"link": np.array(links), "center": table[:, :3], "radius": table[:, 3]}
+
+
+def hulls(spec: RobotSpec) -> dict[str, list[trimesh.Trimesh]]:
+    """Return the convex hulls of every link's collision shapes in the link's frame, a finger's as one."""
+    robot = urdf.arm(spec)
+    fingers = urdf.below(robot, spec.gripper.body) - {spec.gripper.body}
+    solids = {}
+    for link in robot.findall("link"):
+        name, shapes = str(link.get("name")), [urdf.solid(shape) for shape in link.findall("collision")]
+        whole = [trimesh.util.concatenate(shapes)] if name in fingers and shapes else shapes
+        solids[name] = [solid.convex_hull for solid in whole]
+    return solids
+
+
+def _cover(solid: trimesh.Trimesh, bulge: float) -> list[tuple[float, ...]]:
+    """Return few spheres (center and radius) that cover the surface of a convex solid and stand out of it by `bulge` [m] at most.
+
+    Of all spheres around inner points, the one that covers most of what is still bare is taken, until nothing is.
+    """
+    surface = np.concatenate([solid.sample(4000, seed=0), solid.vertices])
+    inner = np.random.default_rng(0).uniform(*solid.bounds, (20000, 3))
+    planes = ConvexHull(solid.vertices).equations
+    depth = -(inner @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    inner, radius = inner[depth > 0.0][:6000], depth[depth > 0.0][:6000] + bulge
+    covers = np.linalg.norm(inner[:, None] - surface[None], axis=2) < radius[:, None]
+    bare, balls = np.ones(len(surface), bool), []
+    while bare.sum() > 0.01 * len(surface):
+        best = int(np.argmax(covers @ bare))
+        bare &= ~covers[best]
+        balls.append((*map(float, inner[best]), float(radius[best])))
+    return balls
 
 
 @cache

@@ -40,7 +40,8 @@ class Kinematics:
         self.arm_group = np.zeros(len(self.links), int)
         for i, (_, parent, _, _, joint) in enumerate(self._chain):
             self.arm_group[i] = 0 if parent < 0 else self.arm_group[parent] + (joint >= 0)
-        self.shoulder = next(fixed for _, _, fixed, _, joint in self._chain if joint == 0)[:3, 3]
+        first = next(i for i, (*_, joint) in enumerate(self._chain) if joint == 0)
+        self.shoulder = self.frames(np.zeros((1, len(spec.arm_joints))))[0, first, :3, 3]
         self._tool_link = self.links.index(spec.tool_link)
         self._urdf = robot
 
@@ -52,8 +53,8 @@ class Kinematics:
     def frames(self, q: np.ndarray) -> np.ndarray:
         """Return the poses of all links in the base frame, shape [pose link 4 4], for arm joints [pose arm]."""
         poses = np.empty((len(q), len(self.links), 4, 4))
-        for i, (_, parent, fixed, axis, joint) in enumerate(self._chain):
-            pose = fixed if joint < 0 else fixed @ _turns(axis, q[:, joint])
+        for i, (_, parent, fixed, moves, joint) in enumerate(self._chain):
+            pose = fixed if joint < 0 else fixed @ urdf.motion(moves, q[:, joint])
             poses[:, i] = pose if parent < 0 else poses[:, parent] @ pose
         return poses
 
@@ -108,30 +109,18 @@ def kinematics(spec: RobotSpec) -> Kinematics:
     return Kinematics(spec)
 
 
-def _turns(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Return rotations by angles [pose] about an axis [3], shape [pose 4 4]."""
-    turns = np.zeros((len(angles), 4, 4))
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # cross @ v = axis x v; Rodrigues' formula
-    sine, rest = np.sin(angles)[:, None, None], (1.0 - np.cos(angles))[:, None, None]
-    turns[:, :3, :3] = np.eye(3) + sine * cross + rest * (cross @ cross)
-    turns[:, 3, 3] = 1.0
-    return turns
-
-
-def _chain(robot: ElementTree.Element, spec: RobotSpec) -> list[tuple[str, int, np.ndarray, np.ndarray, int]]:
-    """Return every link, parents first: name, index of its parent, fixed pose in it, joint axis, index of the arm joint or -1."""
-    tree = urdf.children(robot)
-    chain: list[tuple[str, int, np.ndarray, np.ndarray, int]] = [(spec.root_link, -1, np.eye(4), np.zeros(3), -1)]
+def _chain(robot: ElementTree.Element, spec: RobotSpec) -> list[tuple[str, int, np.ndarray, ElementTree.Element, int]]:
+    """Return every link, parents first: name, index of its parent, fixed pose in it, its joint, index of the arm joint or -1."""
+    tree, gripper = urdf.children(robot), spec.gripper
+    chain = [(spec.root_link, -1, np.eye(4), robot, -1)]
     for index, (link, *_) in enumerate(chain):
         for child, joint in tree.get(link, []):
-            fixed, axis = urdf.origin(joint), urdf.axis(joint)
-            name = joint.get("name")
-            if name in spec.gripper.joints:
-                fixed = fixed.copy()
-                fixed[:3, 3] += fixed[:3, :3] @ axis * spec.gripper.finger_joint_open
+            fixed, name, mimic = urdf.origin(joint), joint.get("name"), joint.find("mimic")
+            if name in gripper.joints or mimic is not None:
+                opened = gripper.finger_joint_open * (1.0 if mimic is None else float(mimic.get("multiplier", 1)))
+                fixed = fixed @ urdf.motion(joint, np.array([opened]))[0]
             number = spec.arm_joints.index(name) if name in spec.arm_joints else -1
-            chain.append((child, index, fixed, axis, number))
+            chain.append((child, index, fixed, joint, number))
     return chain
 
 
@@ -139,7 +128,7 @@ def _ik_model(robot: ElementTree.Element, spec: RobotSpec) -> tuple[newton.Model
     """Return a model of the arm alone, without shapes, and the index of the body with the tool frame."""
     import newton
 
-    bare = urdf.without_colliders(urdf.without(robot, set(spec.gripper.links)))
+    bare = urdf.without_colliders(urdf.without(robot, urdf.below(robot, spec.tool_link) - {spec.tool_link}))
     builder = newton.ModelBuilder()
     builder.add_urdf(ElementTree.tostring(bare, encoding="unicode"), collapse_fixed_joints=False)
     body = next(i for i, label in enumerate(builder.body_label) if label.split("/")[-1] == spec.tool_link)

@@ -26,7 +26,8 @@ def add_robot(
 ) -> None:
     """Add a robot, fixed at `base`, as the first articulation of a world.
 
-    Its coordinates are `spec.joints`, at `spec.start`. Colliders are the convex hulls of its links' collision meshes.
+    Its coordinates are `spec.joints`, at `spec.start`; then the joints that mimic a finger joint, undriven. Colliders are the
+    convex hulls of its links' collision meshes.
 
     Args:
         builder: an empty world.
@@ -44,13 +45,13 @@ def add_robot(
     """
     first_body, gains = _add_links(builder, urdf.arm(spec, visuals), base), gains or spec.gains
     moving = [i for i in range(builder.joint_count) if builder.joint_type[i] != newton.JointType.FIXED]
-    names = tuple(builder.joint_label[i].split("/")[-1] for i in moving)
+    names = tuple(builder.joint_label[i].split("/")[-1] for i in moving)[: len(spec.joints)]
     if names != spec.joints:
         raise InputError(
             f"robot {spec.name!r}: the URDF's joints are {', '.join(names)}; arm_joints and gripper.joints are "
             f"{', '.join(spec.joints)}"
         )
-    arm = len(spec.arm_joints)
+    moving, arm = moving[: len(names)], len(spec.arm_joints)
     drives, finger_damping = spec.drives, gains.finger_damping
     armature = (gains.armature,) * len(moving)
     if realistic:
@@ -68,6 +69,7 @@ def add_robot(
         builder.joint_effort_limit[dof] = efforts[k]
         builder.joint_target_mode[dof] = modes[k]
         builder.joint_q[builder.joint_q_start[i]] = builder.joint_target_q[dof] = start
+    _follow(builder, first_body)
     if gravity_compensation:
         _compensate_gravity(builder, first_body)
     if realistic:
@@ -94,10 +96,30 @@ def _allow_self_collision(builder: newton.ModelBuilder, first_body: int) -> None
     ]
 
 
+FOLLOWER_ARMATURE = 0.005
+"""[kg m^2] Of a joint that mimics another: MuJoCo's equality is the stiffer the more inertia it moves. That of the drivers in
+menagerie's 2F-85."""
+
+
+def _follow(builder: newton.ModelBuilder, first_body: int) -> None:
+    """Let joints that mimic others be undriven, and begin where those are."""
+    for i, child in enumerate(builder.joint_child):
+        if child >= first_body and (leader := builder.joint_mimic_joint[i]) >= 0:
+            dof, (offset, multiplier) = builder.joint_qd_start[i], builder.joint_mimic_coeffs[i]
+            builder.joint_target_mode[dof] = newton.JointTargetMode.NONE
+            builder.joint_armature[dof] = FOLLOWER_ARMATURE
+            builder.joint_target_ke[dof] = builder.joint_target_kd[dof] = 0.0
+            leading = builder.joint_q[builder.joint_q_start[leader]]
+            builder.joint_q[builder.joint_q_start[i]] = offset + multiplier * leading
+
+
 def _couple_fingers(builder: newton.ModelBuilder, spec: RobotSpec, moving: Sequence[int]) -> None:
-    """Let the right finger follow the left one, if one motor drives both."""
+    """Let the right finger follow the left one, if one motor drives both; what mimics the right one then mimics the left one."""
     if spec.gripper.coupled:
         left, right = moving[-2:]
+        for joint, leader in enumerate(builder.joint_mimic_joint):
+            if leader == right:
+                builder.set_joint_mimic(joint, left, coeffs=builder.joint_mimic_coeffs[joint])
         builder.set_joint_mimic(right, left)
 
 
@@ -110,11 +132,12 @@ def _add_links(builder: newton.ModelBuilder, robot: ElementTree.Element, pose: w
     """Add a URDF's links at a pose, their collision meshes as convex hulls; return the index of the first body."""
     first_shape, first_body = builder.shape_count, builder.body_count
     builder.add_urdf(
-        ElementTree.tostring(robot, encoding="unicode"),
+        ElementTree.tostring(urdf.followers_last(robot), encoding="unicode"),
         package_dirs=[str(urdf.description_folder())],
         xform=pose,
         enable_self_collisions=False,
         collapse_fixed_joints=False,
+        joint_ordering=None if robot.find("joint/mimic") is not None else "dfs",
     )
     shapes = range(first_shape, builder.shape_count)
     meshes = [i for i in shapes if builder.shape_type[i] == newton.GeoType.MESH and _collides(builder, i)]

@@ -1,4 +1,4 @@
-"""Description of a robot: one arm with a parallel gripper, from `s2a/robot/<name>/robot.yaml`."""
+"""Description of a robot: one arm with a gripper of two fingers, from one YAML file."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Gains:
     Attributes:
         arm_stiffness: position gain of the arm joints [N m/rad].
         arm_damping: velocity gain of the arm joints [N m s/rad].
-        finger_stiffness: position gain of the finger joints [N/m].
-        finger_damping: velocity gain of the finger joints [N s/m].
-        finger_effort: force limit of a finger joint [N].
+        finger_stiffness: position gain of the finger joints [N/m or N m/rad].
+        finger_damping: velocity gain of the finger joints [N s/m or N m s/rad].
+        finger_effort: limit of a finger joint's force [N] or torque [N m].
         armature: rotor inertia added to every joint [kg m^2 or kg].
     """
 
@@ -38,7 +38,7 @@ class Drives:
 
     Attributes:
         rotor_inertia: of each arm joint's drive [kg m^2].
-        finger_mass: of the gripper's drive, for each finger [kg].
+        finger_mass: of the gripper's drive, for each finger joint [kg or kg m^2].
     """
 
     rotor_inertia: Numbers
@@ -47,25 +47,27 @@ class Drives:
 
 @dataclass(frozen=True)
 class GripperSpec:
-    """A parallel gripper.
+    """A gripper with two fingers, on slides or on hinges that may move further joints of a linkage.
 
     Its tool frame has its origin between the pads, z forward (the approach direction), y from the right finger to the left.
-    A finger joint's coordinate is 0 where the pads touch and grows as the finger opens.
+    A finger joint's coordinate is 0 where the pads touch and grows as the finger opens; the pads' distance is taken to grow
+    evenly with it, which for fingers on hinges is right at both ends.
 
     Attributes:
-        joints: finger joints (left, right).
-        links: finger links (left, right).
+        joints: finger joints (left, right): of a linkage those that carry the pads.
+        links: finger links (left, right): those with the pads.
         body: link that carries the fingers.
         max_opening: between the pads, fully open [m].
-        finger_joint_open: finger joint coordinate, fully open [m].
-        finger_joint_home: finger joint coordinate at the start of an episode [m].
+        finger_joint_open: finger joint coordinate, fully open [m or rad].
+        finger_joint_home: finger joint coordinate at the start of an episode [m or rad].
         finger_inset: how far each fingertip is mounted nearer to the middle than in the URDF [m].
         finger_box: extents of a fingertip along the tool frame's axes [m].
-        tip_ahead: how far the fingertips reach past the tool frame's origin [m].
+        tip_ahead: how far the fingertips reach past the tool frame's origin, where they reach farthest [m].
         body_box: extents of the gripper body along the tool frame's axes [m].
         body_behind: distance from the gripper body's front to the tool frame's origin [m].
-        finger_speed: maximum speed of each finger [m/s].
+        finger_speed: maximum speed of each finger joint [m/s or rad/s].
         coupled: one motor drives both fingers.
+        closed: coordinates of the finger joints in the robot's file where the pads touch [m or rad].
     """
 
     joints: tuple[str, str]
@@ -81,6 +83,16 @@ class GripperSpec:
     body_behind: NotNegative
     finger_speed: Positive
     coupled: bool
+    closed: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def ratio(self) -> float:
+        """Path of a pad for a unit of its finger joint's coordinate [1 or m/rad]: 1 for a slide."""
+        return 0.5 * self.max_opening / self.finger_joint_open
+
+    def coordinate(self, opening: float) -> float:
+        """Return the finger joints' coordinate [m or rad] at which the pads are at a distance [m]; within their range."""
+        return min(max(opening / self.max_opening, 0.0), 1.0) * self.finger_joint_open
 
 
 @dataclass(frozen=True)
@@ -152,25 +164,47 @@ class BaseSpec:
 
 
 @dataclass(frozen=True)
-class RobotSpec:
-    """An arm with a parallel gripper.
+class Attachment:
+    """A second file, fixed to a link of the first: a gripper on an arm.
 
     Attributes:
-        name: of the robot; its collision spheres are in s2a/robot/<name>/spheres.csv.
-        urdf: path below example-robot-data's folder `robots`.
-        root_link: link that is fixed to the base; of the URDF only what hangs on it is loaded.
+        model: as RobotSpec.model.
+        link: of the first file, to which the root of the second one is fixed.
+        position: of that root in the link's frame [m].
+        rpy: its rotation, fixed-axis angles as URDF's [rad].
+        prefix: before the names of all links and joints of the second file, which the YAML then names so.
+    """
+
+    model: str
+    link: str
+    position: Vec3
+    rpy: Vec3
+    prefix: str
+
+
+@dataclass(frozen=True)
+class RobotSpec:
+    """An arm with a gripper of two fingers.
+
+    Attributes:
+        name: of the robot.
+        model: its URDF or MJCF, relative to the YAML, or below example-robot-data's folder `robots`.
+        root_link: link that is fixed to the base; of the file only what hangs on it is loaded.
         arm_joints: from the base to the gripper.
-        tool_offset: origin of the tool frame in the gripper body's frame [m]; same orientation.
+        tool_offset: origin of the tool frame in the gripper body's frame, turned by `tool_rotation` [m].
         gripper: the parallel gripper.
         home: arm joints at the start of an episode [rad].
         gains: the robot's own controller.
         drives: what it drives beside the links.
         limits: of the arm joints.
         base: what decides where it can stand.
+        attach: a second file, such as that of a gripper; null: none.
+        tool_rotation: of the tool frame in the file's frame of the gripper body, fixed-axis angles as URDF's [rad].
+        fixed_joints: (name, coordinate [rad or m]) of joints that are neither the arm's nor the gripper's; others are fixed at 0.
     """
 
     name: str
-    urdf: str
+    model: str
     root_link: str
     arm_joints: tuple[str, ...]
     tool_offset: Vec3
@@ -180,6 +214,9 @@ class RobotSpec:
     drives: Drives
     limits: JointLimits
     base: BaseSpec
+    attach: Attachment | None = None
+    tool_rotation: Vec3 = (0.0, 0.0, 0.0)
+    fixed_joints: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         """Raise InputError unless there is one value per arm joint."""

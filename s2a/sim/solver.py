@@ -22,6 +22,7 @@ class Layout:
         robot_joints: number of the robot's driven joints; they are coordinates 0 to robot_joints - 1, the arm's first.
         arm_joints: number of the arm's.
         home: coordinates of the robot at the start of an episode [rad, m], shape [robot_joints].
+        followers: joints that mimic one of these, the next coordinates: index of that joint, and multiplier.
         robot_bodies: all its links.
         finger_bodies: left, right.
         tool_body: the link that carries the tool frame.
@@ -33,6 +34,7 @@ class Layout:
     robot_joints: int
     arm_joints: int
     home: tuple[float, ...]
+    followers: tuple[tuple[int, float], ...]
     robot_bodies: tuple[int, ...]
     finger_bodies: tuple[int, int]
     tool_body: int
@@ -50,6 +52,11 @@ def layout(world: newton.ModelBuilder, robot: RobotSpec, stage: SimStage) -> Lay
         robot_joints=len(robot.joints),
         arm_joints=len(robot.arm_joints),
         home=robot.start,
+        followers=tuple(
+            (world.joint_q_start[leader], float(world.joint_mimic_coeffs[i][1]))
+            for i, leader in enumerate(world.joint_mimic_joint)
+            if leader >= 0 and world.joint_q_start[i] >= len(robot.joints)
+        ),
         robot_bodies=tuple(_below(world, root)),
         finger_bodies=(left, right),
         tool_body=body_index(world, robot.tool_link),

@@ -225,6 +225,8 @@ def _motion(sim: Simulation, task: Task, demo: DemoStarts | None) -> kernels.Mot
         m.window = limits.window
     m.delay = wp.vec2i(*config.action_delay)
     m.home, m.noise = wp.array(sim.layout.home, dtype=float), config.start_noise
+    m.leader = wp.array([leader for leader, _ in sim.layout.followers], dtype=int)
+    m.multiplier = wp.array([ratio for _, ratio in sim.layout.followers], dtype=float)
     coords = sim.model.joint_q.numpy().reshape((sim.num_envs, -1))
     m.start, m.part_coord = wp.array(task.start(coords), dtype=float), wp.array(sim.part_coord, dtype=int)
     m.stage = wp.array(sim.stage_of_env if demo else np.zeros(sim.num_envs), dtype=int)

@@ -29,6 +29,8 @@ class Motion:
         dt: physics time step [s].
         delay: least and greatest number of control steps by which an action comes late.
         home: joint positions at the start [rad, m], shape [joint].
+        leader: of each joint that mimics another, the index of that one, shape [follower].
+        multiplier: of each, shape [follower].
         noise: half range of the uniform noise on it [rad, m].
         start: coordinates of everything else at the start, shape [world coord].
         part_coord: index of the part's coordinate, shape [world].
@@ -51,6 +53,8 @@ class Motion:
     dt: float
     delay: wp.vec2i
     home: wp.array(dtype=float)
+    leader: wp.array(dtype=int)
+    multiplier: wp.array(dtype=float)
     noise: float
     start: wp.array2d(dtype=float)
     part_coord: wp.array(dtype=int)
@@ -311,6 +315,8 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
             s.target_q[world, i] = target
             s.target_qd[world, i] = 0.0
             s.joint_q[world, i] = wp.where(near < 1.0 or i < s.arm, target, m.demo_positions[stage, at, i])
+        for k in range(m.leader.shape[0]):
+            s.joint_q[world, s.joints + k] = m.multiplier[k] * s.joint_q[world, m.leader[k]]
         if m.delay[1] > 0:
             s.delay[world] = wp.randi(rng, m.delay[0], m.delay[1] + 1)
             for k in range(s.past.shape[1]):

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from robot_spheres import BULGE, FINGER_BULGE, hulls
 from scipy.spatial import ConvexHull
 
 from s2a import robot
-from s2a.robot.collision import robot_shape
+from s2a.robot.collision import BULGE, FINGER_BULGE, hulls, robot_shape
 
 
 @pytest.mark.parametrize("name", robot.names())

@@ -80,7 +80,7 @@ def _anchor(model: mujoco.MjModel, body: int) -> np.ndarray:
 
 def _pose(element: ElementTree.Element, position: np.ndarray, quat: np.ndarray) -> None:
     """Add an <origin> at a position [3] with a quaternion wxyz."""
-    angles = Rotation.from_quat(np.roll(quat, -1)).as_euler("xyz")
+    angles = Rotation.from_quat(np.roll(quat, -1)).as_euler("xyz", suppress_warnings=True)
     ElementTree.SubElement(element, "origin", {"xyz": _words(position), "rpy": _words(angles)})
 
 

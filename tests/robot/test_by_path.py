@@ -79,9 +79,10 @@ def written(folder: Path, name: str, **changes: object) -> Path:
         "finger_joint_open": CLOSED,
         "finger_joint_home": 0.5,
         "max_opening": 0.06,
+        "finger_speed": 1.0,
     }
     values["tool_offset"] = [0.0, 0.0, 0.16]
-    values["drives"]["rotor_inertia"] = [0.1, 0.1]
+    values["drives"] = {"rotor_inertia": [0.1, 0.1], "finger_mass": 0.01}
     values["limits"] = {key: [10.0, 10.0] for key in ("velocity", "acceleration", "torque")}
     values["gains"] |= {"finger_stiffness": 20.0, "finger_damping": 1.0, "finger_effort": 4.0}
     path = folder / f"{name}.yaml"

@@ -164,7 +164,8 @@ def _cover(solid: trimesh.Trimesh, bulge: float) -> list[tuple[float, ...]]:
     Of all spheres around inner points, the one that covers most of what is still bare is taken, until nothing is.
     """
     surface = np.concatenate([solid.sample(4000, seed=0), solid.vertices])
-    inner = np.random.default_rng(0).uniform(*solid.bounds, (20000, 3))
+    low, high = solid.bounds
+    inner = np.random.default_rng(0).uniform(low, high, (20000, 3))
     planes = ConvexHull(solid.vertices).equations
     depth = -(inner @ planes[:, :3].T + planes[:, 3]).max(axis=1)
     inner, radius = inner[depth > 0.0][:6000], depth[depth > 0.0][:6000] + bulge

@@ -69,7 +69,7 @@ MJCF = f"""
 
 def written(folder: Path, name: str, **changes: object) -> Path:
     """Write the small robot's YAML, its values the Panda's where they do not matter."""
-    values = config.file("robot/panda")
+    values = config.read(Path(robot.__file__).parent / "panda" / robot.FILE)
     values |= {"model": "arm.xml", "root_link": "foot", "arm_joints": ["turn", "lift"], "home": [0.0, 0.5]}
     values["gripper"] |= {
         "joints": ["left_bar", "right_bar"],
@@ -93,16 +93,15 @@ def written(folder: Path, name: str, **changes: object) -> Path:
 
 @pytest.fixture
 def linkage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RobotSpec:
-    monkeypatch.setenv(config.ROBOT_FILES, "")
-    return robot.read(written(tmp_path, "linkage"))
+    monkeypatch.setenv(robot.FILES, "")
+    return robot.load(str(written(tmp_path, "linkage")))
 
 
 def test_a_command_takes_a_robot_by_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(config.ROBOT_FILES, "")
+    monkeypatch.setenv(robot.FILES, "")
     path = written(tmp_path, "mine")
     values = config.compose("evaluate", [f"robot={path}", "stage=x", "out=y"])
     spec = config.load(Config, values).robot
-    robot.check_unchanged(spec)
     assert spec.name == "mine" and Path(spec.model) == tmp_path / "arm.xml"
     assert robot.load("mine") == spec and "mine" in robot.names()
 
@@ -186,32 +185,32 @@ def test_its_spheres_cover_its_links(linkage: RobotSpec) -> None:
 def test_a_wrong_robot_is_one_line(
     changes: dict[str, object], problem: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(config.ROBOT_FILES, "")
-    spec = robot.read(written(tmp_path, "wrong", **changes))
+    monkeypatch.setenv(robot.FILES, "")
+    spec = robot.load(str(written(tmp_path, "wrong", **changes)))
     with pytest.raises(InputError, match=problem) as error:
         urdf.arm(spec)
     assert "\n" not in str(error.value)
 
 
 def test_missing_fingers_meshes_and_files_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(config.ROBOT_FILES, "")
+    monkeypatch.setenv(robot.FILES, "")
     with pytest.raises(InputError, match=r"none.yaml: no such file; robot= takes"):
-        robot.read(tmp_path / "none.yaml")
+        robot.load(str(tmp_path / "none.yaml"))
     path = written(tmp_path, "fingerless")
     values = OmegaConf.load(path)
     values.gripper.links = ["left_pad", "thumb"]
     OmegaConf.save(values, path)
     with pytest.raises(InputError, match="has no link thumb"):
-        urdf.arm(robot.read(path))
+        urdf.arm(robot.load(str(path)))
     (tmp_path / "bare.urdf").write_text(
         '<robot name="r"><link name="foot"><collision><geometry><mesh filename="package://r/foot.stl"/></geometry></collision>'
         "</link></robot>"
     )
     with pytest.raises(InputError, match=r"collision mesh package://r/foot.stl: no such file"):
-        urdf.arm(robot.read(written(tmp_path, "bare", model="bare.urdf")))
+        urdf.arm(robot.load(str(written(tmp_path, "bare", model="bare.urdf"))))
     (tmp_path / "panda.yaml").write_text("model: arm.xml")
     with pytest.raises(InputError, match="there is a robot 'panda' already"):
-        robot.read(tmp_path / "panda.yaml")
+        robot.load(str(tmp_path / "panda.yaml"))
 
 
 @pytest.mark.parametrize(("name", "variable"), [("ur5e_2f85", "MENAGERIE"), ("fetch", "FETCH_ROS")])
@@ -221,8 +220,8 @@ def test_the_kinematics_of_the_examples_are_those_of_the_simulated_robot(
     """Where the robots' own files are: they are not part of this package."""
     if not os.environ.get(variable):
         pytest.skip(f"{variable} names no folder")
-    monkeypatch.setenv(config.ROBOT_FILES, "")
-    spec = robot.read(EXAMPLES / f"{name}.yaml")
+    monkeypatch.setenv(robot.FILES, "")
+    spec = robot.load(str(EXAMPLES / f"{name}.yaml"))
     kin, builder = kinematics(spec), newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
     add_robot(builder, spec, wp.transform())

@@ -24,6 +24,7 @@ from hydra.core.config_store import ConfigStore
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from s2a.core import bounds
 from s2a.core.errors import InputError
@@ -96,8 +97,11 @@ def file(name: str) -> dict[str, Any]:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Return the values of a YAML file."""
-    return plain(OmegaConf.load(path))
+    """Return the values of a YAML file, interpolations resolved; InputError where it cannot be read."""
+    try:
+        return plain(OmegaConf.load(path))
+    except (YAMLError, OmegaConfBaseException, ValueError, TypeError) as error:
+        raise InputError(f"{path}: {' '.join(str(error).split())}") from error
 
 
 def plain(config: Any, resolve: bool = True) -> dict[str, Any]:

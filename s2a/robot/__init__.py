@@ -5,11 +5,7 @@ from __future__ import annotations
 import os
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
-
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
+from typing import Annotated
 
 from s2a.core import config
 from s2a.core.errors import InputError
@@ -73,10 +69,7 @@ def _register(path: Path) -> str:
 
 @cache
 def _load(name: str, path: Path) -> RobotSpec:
-    try:
-        values: dict[str, Any] = config.plain(OmegaConf.load(path))
-    except (YAMLError, OmegaConfBaseException, ValueError, TypeError) as error:
-        raise InputError(f"{path}: not a robot's YAML: {' '.join(str(error).split())}") from error
+    values = config.read(path)
     for each in (values, values.get("attach") or {}):
         if isinstance(model := each.get("model"), str) and (beside := path.parent / Path(model).expanduser()).is_file():
             each["model"] = str(beside.resolve())

@@ -296,7 +296,5 @@ def _lines(metrics: dict[str, Any], names: Sequence[str], values: Sequence[str])
 
 def _run_soft(config: Config) -> str:
     """Do what `run` does with a soft body."""
-    pass  # a second to import
-
     metrics, names, values = run_soft(config)
     return "\n".join([f"{config.out}: {metrics['episodes']} trials", *_lines(metrics, names, values)])

@@ -111,6 +111,7 @@ ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "s2a/language/insert/wish.py": (("wish",), "the command line's own word: wish=prefer"),
     "s2a/language/insert/rules.py": (("longest",), "as in s2a/language/insert/plan.py"),
     "s2a/core/bounds.py": (("least",), "AtLeast(4) reads as the bound it is"),
+    "s2a/core/check.py": (("least",), "at_least(...) and at_most(...) read as the bounds they are"),
     "s2a/learn/rl/config.py": (("epochs",), "num_learning_epochs, rsl_rl's own name"),
     "s2a/homes/draw.py": (("draw",), "random draws"),
     "s2a/homes/fittings.py": (("openings",), "doors and windows of a room"),

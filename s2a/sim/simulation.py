@@ -163,11 +163,11 @@ class Simulation:
         MuJoCo drops what is beyond `nconmax` pairs of hulls whose bounding boxes overlap, whether they touch or not. Those of
         the part with all else are counted along its path in the first world of each stage; those beyond OWN get further room.
         """
-        model, first = self.model, len(self.stages)
+        model, first = self.model, min(len(self.stages), self.num_envs)
         dofs = self.part_dof[:first] + np.arange(first) * (model.joint_dof_count // self.num_envs)
         coords = self.part_coord[:first] + np.arange(first) * (model.joint_coord_count // self.num_envs)
         limits = np.stack([model.joint_limit_lower.numpy()[dofs], model.joint_limit_upper.numpy()[dofs]])
-        poses, start = [], model.joint_q.numpy()
+        poses, start = [], model.joint_q.numpy().copy()  # on a CPU numpy() is the model's own memory
         for fraction in np.linspace(0.0, 1.0, POSES):
             start[coords] = limits[0] + fraction * (limits[1] - limits[0])
             state = model.state()

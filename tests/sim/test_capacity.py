@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import newton
 import numpy as np
 import warp as wp
+from cabinet import write_cabinet
+from settings import load
 
-from s2a.sim.simulation import most_pairs
+from s2a.sim.simulation import SimConfig, Simulation, most_pairs
+from s2a.sim.world import read_stage
 
 
 def model() -> newton.Model:
@@ -44,3 +49,11 @@ def test_pairs_are_counted_in_the_worst_pose_of_the_worst_world() -> None:
 def test_only_the_first_worlds_are_looked_at_and_what_never_moves_has_no_pairs() -> None:
     assert most_pairs(model(), poses(0.0, 1.0), 1) == 0
     assert most_pairs(model(), poses(1.0, 1.0), 2) == 0
+
+
+def test_counting_leaves_the_worlds_at_their_start(tmp_path: Path) -> None:
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    for stages, num_envs in ((stage, 2), ([stage, stage], 1)):
+        sim = Simulation(stages, load(SimConfig, "sim/paper"), num_envs)
+        assert sim.joint_q[:, sim.layout.part_coord].abs().max() == 0.0
+        assert (sim.joint_q == sim.joint_q[0]).all()

@@ -165,6 +165,7 @@ def make(
     device: str = "auto",
     seed: int = 0,
     overrides: Sequence[str] = (),
+    numpy: bool = False,
 ) -> TaskVectorEnv:
     """Return a task in worlds of a simulation-ready room, or of the parts of many, as a `gymnasium.vector.VectorEnv`.
 
@@ -177,6 +178,7 @@ def make(
         device: "cpu", "cuda:0", or "auto": a GPU where there is one.
         seed: of the start noise.
         overrides: settings as `s2a train` takes them, such as "sim=real", "reward=grasped", "task.start_noise=0".
+        numpy: observations, rewards and flags are NumPy arrays, as wrappers of Gymnasium want them, and no tensors.
 
     Raises:
         InputError: an unknown task, part or setting; not a simulation-ready room; a part of an index.
@@ -184,12 +186,14 @@ def make(
     with errors.required():
         from s2a import tasks
 
-        return tasks.make(task, Path(room), part, num_envs, device, seed, overrides)
+        return tasks.make(task, Path(room), part, num_envs, device, seed, overrides, numpy)
 
 
 def _load(cls: type[Any], command: str, given: dict[str, Any], overrides: Sequence[str]) -> Any:
     """Return a command's configuration: its defaults, the overrides, and the given top-level values."""
-    return config.load(cls, {**config.compose(command, list(overrides)), **{k: _plain(v) for k, v in given.items()}})
+    return config.load(
+        cls, {**config.compose(command, list(overrides), cls), **{k: _plain(v) for k, v in given.items()}}
+    )
 
 
 def _plain(value: Any) -> Any:

@@ -42,6 +42,8 @@ OUTPUTS = ("out", "image", "images", "html", "record")
 """Keys that name output files and folders."""
 ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")
 """How an argument begins that is key=value, or removes a key."""
+SURROGATES = re.compile("[\ud800-\udfff]")
+"""What stands in an argument for bytes that are no UTF-8."""
 _HELP = re.compile(r'"""Command `s2a [\w-]+`: (.*?)\.(?:\n|""")', re.S)
 FLAGS = ("--help", "-h", "--help-all", "--version", "--debug", "--multirun", "-m")
 
@@ -65,6 +67,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         if "--debug" in arguments:
             progress.show(traceback.format_exc(), sys.stderr)
+        if isinstance(error, UnicodeEncodeError) and any(
+            each in error.object for each in SURROGATES.findall("".join(arguments))
+        ):
+            return _fail("an argument is no UTF-8, which files of s2a cannot hold; rename what it names", 2)
         if isinstance(error, (InputError, OSError)):
             return _fail(str(error) + _remedy(error), 2)
         return _fail(
@@ -123,8 +129,8 @@ def sweep(command: str, overrides: Sequence[str]) -> None:
         InputError: an override that cannot be read, or that names an unknown key or option.
     """
     # Hydra reads its arguments from sys.argv, and prints errors itself unless asked to raise them.
-    folder, made = _sweep_folder(overrides)
-    sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *config.opened(overrides), f"hydra.sweep.dir={folder}"]
+    texts, (folder, made) = config.quoted(overrides, settings_of(command)), _sweep_folder(overrides)
+    sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *config.opened(texts), f"hydra.sweep.dir={folder}"]
     os.environ["HYDRA_FULL_ERROR"] = "1"
     try:
         hydra.main(config_path=str(config.folder()), config_name=command, version_base="1.3")(job)()
@@ -255,7 +261,7 @@ def compose(command: str, arguments: Sequence[str]) -> dict[str, Any]:
         raise InputError(
             f'{" ".join(words)[:80]!r} are {len(words)} arguments; put the {key} into quotation marks: "..."'
         )
-    values = config.compose(command, [argument for argument in arguments if argument not in words])
+    values = config.compose(command, [each for each in arguments if each not in words], settings_of(command))
     return values | ({key: words[0]} if key and words else {})
 
 

@@ -13,9 +13,10 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from types import UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import dacite
 from hydra import compose as hydra_compose
@@ -75,8 +76,13 @@ def folder() -> Path:
     return package / "conf" if (package / "conf").is_dir() else package.parent / "conf"
 
 
-def compose(name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
+def compose(name: str, overrides: Sequence[str] = (), settings: type | None = None) -> dict[str, Any]:
     """Compose `conf/<name>.yaml` with `key=value` overrides in Hydra's grammar.
+
+    Args:
+        name: of the file.
+        overrides: what differs from it.
+        settings: dataclass of the values. What is given for its text and path keys is then taken as it is (see `_spared`).
 
     Returns:
         Plain nested dictionaries, interpolations resolved; `???` stays where a required value was not given.
@@ -84,11 +90,95 @@ def compose(name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
     Raises:
         InputError: an override that cannot be read, or that names an unknown key or option.
     """
+    given, texts = opened(overrides), list[str]()
+    if settings:
+        given = [_spared(text, settings, texts) for text in given]
     with initialize_config_dir(str(folder()), version_base="1.3"):
         try:
-            return plain(hydra_compose(name, opened(overrides)))
+            composed: dict[str, Any] = _restored(plain(hydra_compose(name, given)), texts)
         except (HydraException, OmegaConfBaseException, ValueError) as error:
-            raise InputError(explain(error, keys(plain(hydra_compose(name), resolve=False)))) from error
+            reason = explain(error, keys(plain(hydra_compose(name), resolve=False)))
+            raise InputError(_restored(reason, texts)) from error
+    return composed
+
+
+ASSIGNMENT = re.compile(r"(\+{0,2}([\w.]+))=(.*)", re.S)
+"""An override that gives a value: key with its sign, key, value."""
+STAND_IN = re.compile(r"TEXT_(\d+)_")
+"""What stands for a text while Hydra composes: it can neither read it in its grammar nor take it for a number."""
+NUMBER = re.compile(r"[+-]?[\d_.]*\d[\d_.]*(?:[eE][+-]?[\d_]+)?|[+-]?(?:inf|nan)|true|false", re.I)
+"""What Hydra takes for no text."""
+ELEMENT = re.compile(r"""\s*(?:"((?:[^"\\]|\\.)*)"|'((?:[^'\\]|\\.)*)'|([^,]*?))\s*(?:,|$)""", re.S)
+"""An element of a list: quoted, where a comma is in it, or as it is."""
+
+
+def _spared(override: str, settings: type, texts: list[str]) -> str:
+    """Return an override with stand-ins for its texts, which are appended to `texts`.
+
+    The value of a key of a text or path is all of the argument after the "=", be it a number, a comma or a quote; `null` is
+    none where the key may be none. A list of them is [a,b]; an element with a comma is quoted.
+    """
+    assignment = ASSIGNMENT.fullmatch(override)
+    kinds = _kinds(settings, assignment[2]) if assignment else ()
+    if assignment is None or not any(kind in (str, Path) or _is_list(kind) for kind in kinds):
+        return override
+    key, value = assignment[1], assignment[3]
+    bracketed, lists = value[:1] == "[" and value[-1:] == "]", [kind for kind in kinds if get_origin(kind) is tuple]
+    if (value == "null" and type(None) in kinds) or (bracketed and lists and not any(map(_is_list, lists))):
+        return override
+    several = bracketed and bool(lists)
+    elements = _elements(value) if several else [value]
+    stand_ins = ",".join(f"TEXT_{len(texts) + i}_" for i in range(len(elements)))
+    texts += elements
+    return f"{key}=[{stand_ins}]" if several else f"{key}={stand_ins}"
+
+
+def _kinds(settings: type, key: str) -> tuple[Any, ...]:
+    """Return the types that the value of a dotted key may have; none for an unknown key, and for one of a dictionary."""
+    kind: Any = settings
+    for name in key.split("."):
+        if not is_dataclass(kind) or name not in (hints := get_type_hints(kind)):
+            return ()
+        kind = hints[name]
+    return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+
+
+def _is_list(kind: Any) -> bool:
+    """Return True for a list of texts or of paths."""
+    return get_origin(kind) is tuple and set(get_args(kind)) <= {str, Path, Ellipsis}
+
+
+def _elements(value: str) -> list[str]:
+    """Return the elements of [a,"b,c"], without their quotes."""
+    inner, elements, start = value[1:-1], list[str](), 0
+    while inner.strip() and start <= len(inner) and (match := ELEMENT.match(inner, start)):
+        quoted = match[1] if match[1] is not None else match[2]
+        elements.append(match[3] if quoted is None else re.sub(r"""\\(["'\\])""", r"\1", quoted))
+        start = match.end() if match[0].endswith(",") else len(inner) + 1
+    return elements
+
+
+def _restored(value: Any, texts: Sequence[str]) -> Any:
+    """Return values, or a message, with the texts for their stand-ins."""
+    if isinstance(value, str):
+        return STAND_IN.sub(lambda match: texts[int(match[1])] if int(match[1]) < len(texts) else match[0], value)
+    if isinstance(value, Mapping):
+        return {key: _restored(inner, texts) for key, inner in value.items()}
+    return [_restored(inner, texts) for inner in value] if isinstance(value, list) else value
+
+
+def quoted(overrides: Sequence[str], settings: type) -> list[str]:
+    """Return the overrides of a sweep with quotes around numbers that are texts or paths, which Hydra's grammar would rewrite."""
+
+    def quote(override: str) -> str:
+        assignment = ASSIGNMENT.fullmatch(override)
+        if assignment is None or not {str, Path}.intersection(_kinds(settings, assignment[2])):
+            return override
+        return f"{assignment[1]}=" + ",".join(
+            f'"{each.strip()}"' if NUMBER.fullmatch(each.strip()) else each for each in assignment[3].split(",")
+        )
+
+    return [quote(each) for each in overrides]
 
 
 def file(name: str) -> dict[str, Any]:
@@ -179,8 +269,10 @@ def opened(overrides: Sequence[str]) -> list[str]:
         if text.startswith("tasks=")
         for name in re.findall(r"[^\[\],=\s\"']+\.py", text)
     ]
+    if bad := [name for name in skills if not name.isidentifier()]:
+        raise InputError(f"the task {bad[0]!r} cannot be a skill; give its files a name of letters, digits and _")
     further = [f"+{group}@skills.{name}.{group}={name}" for name in skills for group in ("task", "metrics")]
-    return further + [TASK_FILE.sub(lambda found: f"{found[1]}={option(found[2])}", text) for text in opened_]
+    return further + [TASK_FILE.sub(lambda found: f'{found[1]}="{option(found[2])}"', text) for text in opened_]
 
 
 TASK_FILE = re.compile(r"^(\+{0,2}task(?:@[\w.]+)?)=[\"']?(.+\.py)[\"']?$")
@@ -333,7 +425,12 @@ def _int(value: Any) -> Any:
 def _path(value: Any) -> Any:
     if value == "":  # pathlib takes it for the current folder
         raise dacite.WrongTypeError(Path, value)
-    return Path(str(value)).expanduser() if isinstance(value, (str, int)) and not isinstance(value, bool) else value
+    if not isinstance(value, (str, int)) or isinstance(value, bool):
+        return value
+    try:
+        return Path(str(value)).expanduser()
+    except RuntimeError as error:
+        raise InputError(f"{value!r}: there is no such home; set HOME, or begin a name with ./~") from error
 
 
 def _refuse_bool(value: Any, kind: type) -> None:

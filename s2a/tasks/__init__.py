@@ -108,6 +108,7 @@ def make(
     device: str = "auto",
     seed: int = 0,
     overrides: Sequence[str] = (),
+    numpy: bool = False,
 ) -> TaskVectorEnv:
     """Return a task in worlds of a simulation-ready room, or of the parts of many; arguments as of `s2a.api.make`."""
     kind = task(name)
@@ -118,4 +119,4 @@ def make(
     motion, robot = config.load(PlannerConfig, values["planner"]), values["robot"] if is_named else None
     stages = read_stages(kind, Path(room), part, robot, (), mdp, motion)
     sim = Simulation(stages, config.load(SimConfig, values["sim"]), num_envs, device_of(device))
-    return TaskVectorEnv(make_env(sim, mdp, metrics, values["reward"], seed, final_observation=True))
+    return TaskVectorEnv(make_env(sim, mdp, metrics, values["reward"], seed, final_observation=True), numpy)

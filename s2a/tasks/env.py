@@ -249,20 +249,26 @@ def _action_step(m: kernels.Motion, sim: Simulation) -> torch.Tensor:
     return torch.tensor([m.step] * arm + [m.finger_step] * fingers, device=sim.device)
 
 
-class TaskVectorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
-    """Worlds of a task; observations, rewards and flags are tensors on the simulation's device.
+class TaskVectorEnv(VectorEnv[Any, Any, Any]):
+    """Worlds of a task; observations, rewards and flags are tensors on the simulation's device, or NumPy arrays.
 
     A world whose episode ends is reset within the step that ends it (AutoresetMode.SAME_STEP): the returned observation is the
     first of its next episode, and `info["final_obs"]` [world observation] holds the last one of the old episode where
-    `info["_final_obs"]` [world] is true. `info["episode"]` holds the task's metrics of these episodes by name, shape [world].
-    Of a termination and a truncation in the same step the termination counts. `unwrapped.worlds` is the `VecEnv` itself.
+    `info["_final_obs"]` [world] is true. `info["metrics"]` holds the task's metrics of these episodes by name, shape [world].
+    `info` always holds NumPy arrays, as Gymnasium's wrappers want them. Of a termination and a truncation in the same step the
+    termination counts. `unwrapped.worlds` is the `VecEnv` itself.
     """
 
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
 
-    def __init__(self, worlds: VecEnv) -> None:
-        """Wrap an environment that keeps final observations."""
-        self.worlds, self.num_envs = worlds, worlds.num_envs
+    def __init__(self, worlds: VecEnv, numpy: bool = False) -> None:
+        """Wrap an environment that keeps final observations.
+
+        Args:
+            worlds: the environment.
+            numpy: return NumPy arrays for tensors.
+        """
+        self.worlds, self.num_envs, self._numpy = worlds, worlds.num_envs, numpy
         self.single_action_space = Box(-1.0, 1.0, (worlds.num_actions,), np.float32)
         self.single_observation_space = Box(-np.inf, np.inf, (worlds.task.observations,), np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -275,7 +281,7 @@ class TaskVectorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[torch.Tensor, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Start a new episode in every world; return observations [world observation] and an empty info.
 
         Args:
@@ -289,11 +295,9 @@ class TaskVectorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
             raise InputError(f"reset options {options!r} are unknown; there are none")
         first = seed[0] if isinstance(seed, list) else seed
         self.worlds.reset_all(None if first is None else int(first))
-        return self.worlds.observation.clone(), {}
+        return self._array(self.worlds.observation), {}
 
-    def step(
-        self, actions: torch.Tensor | np.ndarray
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, dict[str, Any]]:
+    def step(self, actions: torch.Tensor | np.ndarray) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Apply actions [world action] in [-1, 1] for one control step.
 
         Returns:
@@ -302,10 +306,21 @@ class TaskVectorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
         worlds = self.worlds
         worlds.step(torch.as_tensor(actions, dtype=torch.float32, device=self.device))
         done, truncated = worlds.done.bool(), worlds.time_out.bool()
+        ended = _host(done)
         info = {
-            "final_obs": worlds.final_observation.clone(),
-            "_final_obs": done,
-            "episode": dict(zip(worlds.columns, worlds.result.clone().unbind(1), strict=True)),
-            "_episode": done,
+            "final_obs": _host(worlds.final_observation),
+            "_final_obs": ended,
+            "metrics": dict(zip(worlds.columns, _host(worlds.result).T.copy(), strict=True)),
+            "_metrics": ended.copy(),
         }
-        return worlds.observation.clone(), worlds.reward.clone(), done & ~truncated, truncated, info
+        flags = self._array(done & ~truncated), self._array(truncated)
+        return self._array(worlds.observation), self._array(worlds.reward), *flags, info
+
+    def _array(self, tensor: torch.Tensor) -> Any:
+        """Return a copy of what the worlds overwrite."""
+        return _host(tensor) if self._numpy else tensor.clone()
+
+
+def _host(tensor: torch.Tensor) -> np.ndarray:
+    array: np.ndarray = tensor.cpu().numpy().copy()
+    return array

@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any, Literal, get_type_hints
+from typing import Any, Literal, get_args, get_type_hints
 
 import pytest
 
@@ -281,3 +281,59 @@ def test_numbers_that_the_tree_says_twice_are_equal():
     sims = [config.compose(f"sim/{name}")["sim"] for name in ("paper", "planner")]
     assert [sim["dt"] for sim in sims] == 2 * [certify["certify"]["physics"]["dt"]]
     assert base["opening"] == planner["opening"]
+
+
+TEXTS = (
+    "20241127_120000", "2024_11_27", "1_000", "61e5", "007", "1.50", "nan", "true", "on the desk, left of the keyboard",
+    "Anna's desk", 'the 5" screen', '"quoted"', "room (1)", "Café", "Büro/été", "${out}", "???x", "a=b", "{a: 1}", "[x",
+    "x]", "[a,b]", " a ", "a\\b", "a\\", "$HOME", "#1", "~~", "@", "*?", "日本", "a:b", "TEXT_0_", "", "%20", "x\ny", "é" * 127,
+)  # fmt: skip
+"""What people name folders and things, and a grammar reads as something else."""
+
+
+@pytest.mark.parametrize("command", ["insert", "prepare", "train", "do"])
+def test_a_text_and_a_path_arrive_as_they_were_given(command: str):
+    settings = cli.settings_of(command)
+    names = [
+        name
+        for name, kind in get_type_hints(settings).items()
+        if {str, Path}.intersection(get_args(kind) or [kind]) and not re.search("tuple|dict", str(kind))
+    ]
+    assert len(names) > 1
+    for first in range(0, len(TEXTS), len(names)):
+        given = dict(zip(names, TEXTS[first:], strict=False))
+        values = cli.compose(command, [f"{name}={text}" for name, text in given.items()])
+        assert {name: values[name] for name in given} == given
+
+
+def test_none_lists_and_other_keys_keep_their_grammar():
+    values = cli.compose("insert", ["label=null", "image='null'", "plans=1_000"])
+    assert values["label"] is None and values["image"] == "'null'" and values["plans"] == 1000
+    for given, texts in {
+        "[1_000,Café (2)]": ["1_000", "Café (2)"],
+        """["a,b", 'c"d' ,e's]""": ["a,b", 'c"d', "e's"],
+        r'["a\"b"]': ['a"b'],
+        "[]": [],
+        "drawer_7": "drawer_7",
+        "1,2": "1,2",
+    }.items():
+        assert cli.compose("prepare", [f"targets={given}"])["targets"] == texts
+    assert cli.compose("import", ["up=[0,0,1]"])["up"] == [0, 0, 1]
+    assert cli.compose("import", ["up=-y"])["up"] == "-y"
+
+
+def test_an_error_names_the_text_that_was_given():
+    with pytest.raises(InputError, match=r"'free' is '1,2'; expected a list \[a text, ...\]"):
+        cli.run("prepare", cli.compose("prepare", ["stage=x", "out=y", "targets=all", "free=1,2"]))
+
+
+def test_a_sweep_does_not_rewrite_numbers_that_are_texts():
+    given = ["out=20241127_120000,61e5,b", "seed=1_000,2", "label=true"]
+    assert config.quoted(given, cli.settings_of("insert")) == [
+        'out="20241127_120000","61e5",b', "seed=1_000,2", 'label="true"',
+    ]  # fmt: skip
+
+
+def test_a_home_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
+    with pytest.raises(InputError, match="'~nobody-here/x': there is no such home"):
+        config.load(Room, room(out="~nobody-here/x"))

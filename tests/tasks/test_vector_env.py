@@ -14,6 +14,8 @@ import torch
 from cabinet import HANDLE, write_cabinet
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import transform_observation
+from gymnasium.wrappers import vector as wrappers
 from settings import load
 
 from s2a.api import make
@@ -78,8 +80,8 @@ def test_a_world_is_reset_in_the_step_that_ends_its_episode(room: Path) -> None:
         before, _, terminated, truncated, info = env.step(action)
         assert truncated.tolist() == [step == 5] * 2 and not terminated.any()
     assert torch.allclose(before, first, atol=1e-5), "the observation is the next episode's first"
-    assert info["_final_obs"].all() and (info["final_obs"] - first).abs().max() > 0.01
-    assert info["episode"]["success"].tolist() == [0.0, 0.0]
+    assert info["_final_obs"].all() and np.abs(info["final_obs"] - first.numpy()).max() > 0.01
+    assert info["metrics"]["success"].tolist() == [0.0, 0.0]
 
 
 def test_a_seed_repeats_an_episode_and_none_goes_on(room: Path) -> None:
@@ -146,3 +148,76 @@ def test_environments_leak_no_memory(room: Path) -> None:
         gc.collect()
         used.append(int(Path(f"/proc/{os.getpid()}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE"))
     assert used[-1] - used[4] < 30e6
+
+
+WRAPPERS: dict[str, dict[str, Any]] = {
+    "VectorizeTransformObservation": {"wrapper": transform_observation.DtypeObservation, "dtype": np.float64},
+    "VectorizeTransformAction": {"wrapper": gymnasium.wrappers.ClipAction},
+    "VectorizeTransformReward": {"wrapper": gymnasium.wrappers.ClipReward, "min_reward": -1.0, "max_reward": 1.0},
+    "DictInfoToList": {},
+    "TransformObservation": {"func": lambda x: 2 * x},
+    "FlattenObservation": {},
+    "ReshapeObservation": {"shape": (23, 1)},
+    "DtypeObservation": {"dtype": np.float64},
+    "NormalizeObservation": {},
+    "TransformAction": {"func": lambda x: x / 2},
+    "ClipAction": {},
+    "RescaleAction": {"min_action": -2.0, "max_action": 2.0},
+    "TransformReward": {"func": lambda x: 2 * x},
+    "ClipReward": {"min_reward": -0.1, "max_reward": 0.1},
+    "NormalizeReward": {},
+    "RecordEpisodeStatistics": {},
+}
+"""Vector wrappers of Gymnasium that go around a task, and their arguments."""
+OTHERS = {
+    "FilterObservation": "observations of named parts",
+    "RescaleObservation": "observations with bounds",
+    "GrayscaleObservation": "images",
+    "ResizeObservation": "images",
+    "RecordVideo": "images",
+    "HumanRendering": "images",
+    "ArrayConversion": "`array-api-compat`",
+    "NumpyToTorch": "`array-api-compat`",
+    "JaxToNumpy": "JAX",
+    "JaxToTorch": "JAX",
+}
+"""Those that do not, and what they want."""
+
+
+def test_each_of_gymnasiums_vector_wrappers_is_tested_or_refused_in_the_documentation() -> None:
+    assert {*WRAPPERS, *OTHERS} == set(wrappers.__all__)
+    text = " ".join((Path(__file__).parents[2] / "docs/python.md").read_text().split())
+    assert [name for name in OTHERS if f"`{name}`" not in text] == []
+    assert [want for want in OTHERS.values() if want not in text] == []
+
+
+@pytest.fixture(scope="module")
+def arrays(room: Path) -> TaskVectorEnv:
+    """Worlds that return arrays."""
+    return make("open_part", room, num_envs=2, device="cpu", overrides=SHORT, numpy=True)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("name", WRAPPERS)
+def test_a_wrapper_of_gymnasium_goes_around_a_task(arrays: TaskVectorEnv, name: str) -> None:
+    env = getattr(wrappers, name)(arrays, **WRAPPERS[name])
+    env.reset(seed=0)
+    for step in range(1, 13):
+        observation, reward, terminated, truncated, info = env.step(np.zeros(env.action_space.shape, np.float32))
+        assert all(isinstance(each, np.ndarray) for each in (observation, reward, terminated, truncated))
+        assert np.isfinite(observation).all() and np.isfinite(reward).all() and len(observation) == 2
+        assert truncated.all() == (step % 5 == 0)
+        first = info[0] if isinstance(info, list) else info
+        if step % 5 == 0:
+            assert np.all(first["metrics"]["success"] == 0.0) and np.all(first["final_obs"][..., 0] < 9.0)
+
+
+def test_gymnasium_counts_the_steps_and_rewards_of_the_episodes(arrays: TaskVectorEnv) -> None:
+    env = wrappers.RecordEpisodeStatistics(arrays)
+    env.reset(seed=0)
+    total = np.zeros(2)
+    for _ in range(5):
+        _, reward, _, _, info = env.step(np.zeros((2, 9), np.float32))
+        total += reward
+    assert info["episode"]["l"].tolist() == [5, 5] and info["episode"]["r"] == pytest.approx(total)
+    assert wrappers.DictInfoToList(env).reset(seed=1)[1] == [{}, {}]

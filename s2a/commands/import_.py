@@ -18,7 +18,7 @@ from s2a.core.bounds import Above, AtLeast, Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, refuse_loss, require_png
 from s2a.core.progress import track
-from s2a.scan import folder, imported, ply, recording, source, urdf_object
+from s2a.scan import folder, imported, ply, recording, recording_formats, source, urdf_object
 from s2a.scan import predictions as predicted
 from s2a.scan import predictions as reader
 from s2a.scan.urdf_object import ObjectBox
@@ -49,7 +49,9 @@ class Config:
     Attributes:
         mesh: GLB, glTF, OBJ, PLY, USDZ or USD file.
         labels: file of labelled boxes in the mesh's coordinates, which become objects, or null.
-        frames: folder of a recording of posed depth and colour images.
+        frames: folder, or .r3d file, of a recording of posed depth and colour images.
+        color_camera: colour camera of frames where depth is not registered to colour: fx, fy, cx, cy [pixel] and the x, y, z
+            [m] that are added to a point in the depth camera's coordinates; null: as the format says.
         voxel: edge of the voxels that frames are fused in [m].
         far: depth beyond which frames are not believed [m].
         every: use every so many frames.
@@ -71,6 +73,7 @@ class Config:
     mesh: Path | None
     labels: Path | None
     frames: Path | None
+    color_camera: tuple[float, float, float, float, float, float, float] | None
     voxel: Annotated[float, AtLeast(0.002, 0.1)]
     far: Annotated[float, Above(0.0)]
     every: Count
@@ -117,11 +120,17 @@ def _import_frames(config: Config, folder: Path) -> str:
     refuse_loss(config.out, imported.RECORD, [folder])
     if config.image:
         require_png(config.image)
-    walk = recording.read(folder)
+    walk = recording_formats.read(folder, config.color_camera)
+    try:
+        doubt = recording.check(walk)
+    except InputError as error:
+        raise InputError(f"{folder}: {error}") from error
+    if doubt:
+        _log.warning("%s: %s", folder, doubt)
     surface, sharp = _fused(walk, config)
     done = imported.place(
         folder,
-        source.colored(surface.vertices, surface.faces, surface.colors, source.Stated(None, 1.0, walk.kind)),
+        source.colored(surface.vertices, surface.faces, surface.colors, source.Stated(walk.gravity, 1.0, walk.kind)),
         (),
         config.texel,
         config.up,
@@ -132,18 +141,20 @@ def _import_frames(config: Config, folder: Path) -> str:
     )
     chosen = recording.keyframes(walk, sharp)
     summary = _written(
-        config, folder, done, lambda out: recording.write_keyframes(out, walk, chosen, imported.matrix(done))
+        config, folder, done, lambda out: recording.write_keyframes(out, walk, chosen, imported.matrix(done), sharp)
     )
     lost = f", {walk.lost} without a pose" if walk.lost else ""
     used = len(walk.frames[:: config.every])
-    return f"{summary}\n  {walk.kind} recording: {used} frames fused{lost}, {len(chosen)} keyframes kept"
+    registered = "" if walk.registered else ", colour by its own camera"
+    return f"{summary}\n  {walk.kind} recording: {used} frames fused{lost}{registered}, {len(chosen)} keyframes kept"
 
 
 def _fused(walk: recording.RgbdRecording, config: Config) -> tuple[Mesh, np.ndarray]:
     """Return the surface that frames show together, and the sharpness of each frame, NaN where it was not used."""
 
     def placed(frame: recording.PosedFrame, depth: np.ndarray, color: np.ndarray | None) -> Image:
-        return Image(depth, color, frame.pose, astuple(walk.depth_camera), astuple(walk.color_camera))
+        cameras = astuple(frame.depth_camera), astuple(frame.color_camera)
+        return Image(depth, color, frame.pose, *cameras, None if walk.registered else walk.color_from_depth)
 
     used = len(walk.frames[:: config.every])
     marks = recording.images(walk, config.every * max(1, used // MARKS), config.far)

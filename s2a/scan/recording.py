@@ -1,12 +1,12 @@
-"""Recordings of posed depth and colour frames in a folder: recognised by their files, and checked before anything is fused."""
+"""Recordings of posed depth and colour: their images, whether they agree with each other, and the keyframes that a scan keeps."""
 
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +15,24 @@ from s2a.core.errors import InputError
 
 KEYFRAMES = "keyframes"
 """Folder in a scan's with the sharp, well spread images of its recording, and their cameras."""
-MIN_FRAMES = 2
-"""Frames below which nothing is fused."""
+KEYFRAME_LIST = "keyframes.json"
+"""File in it with the camera and the pose of each image."""
+FEW, MANY = 40, 120
+"""Keyframes that a walk through a room should have; short ones have fewer."""
 
-_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # a camera that looks along -z, y up, to one that looks along z, y down
-_LAYOUTS = (
-    "frame-000000.depth.png, .color.png or .jpg, .pose.txt and camera-intrinsics.txt (7-Scenes, BundleFusion); "
-    "folders depth, color, pose and intrinsic (ScanNet); transforms.json with depth_file_path (nerfstudio)"
-)
+OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+"""From a camera that looks along -z, y up, to one that looks along z, y down, shape [4 4]."""
+
+_PAIRS = 24  # of frames that are compared
+_APART = np.cos(
+    np.radians(8.0)
+)  # how far their cameras are turned: what frames that stand still show fits any convention
+_TOO_FAR = np.cos(np.radians(30.0))  # how far they may be turned to see much the same
+_AHEAD = 60  # frames within which such a partner is sought
+_AGREE = 0.5  # least share of points that the other frame confirms; right recordings have 0.7 to 1
+
+_BETTER = 0.25  # by which a change of convention must raise it to be the likely one
+_CLOSE = 0.3  # of the tolerance of depth, for changes of unit
 
 
 @dataclass(frozen=True)
@@ -41,74 +51,86 @@ class Intrinsics:
     cx: float
     cy: float
 
+    def scaled(self, size: tuple[float, float], target: tuple[float, float]) -> Intrinsics:
+        """Return the camera of an image (width, height) of another size with the same borders."""
+        x, y = target[0] / size[0], target[1] / size[1]
+        return Intrinsics(self.fx * x, self.fy * y, (self.cx + 0.5) * x - 0.5, (self.cy + 0.5) * y - 0.5)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image that is opened when it is needed.
+
+    Attributes:
+        name: of its file, for messages.
+        load: returns it, shape [row column] or [row column channel].
+        file: that holds nothing but it, or None.
+    """
+
+    name: str
+    load: Callable[[], np.ndarray]
+    file: Path | None = None
+
 
 @dataclass(frozen=True, eq=False)
 class PosedFrame:
     """One posed frame.
 
     Attributes:
-        depth: 16 bit PNG file.
-        color: image file, or None.
-        pose: camera to world, x right, y down, z forward, [m], shape [4 4].
+        depth: 16 bit image in units of the recording, or floats in metres.
+        color: RGB image, or None.
+        pose: depth camera to world, x right, y down, z forward, [m], shape [4 4].
+        depth_camera: of the depth image.
+        color_camera: of the colour image.
+        confidence: image of the depth image's shape, 0 where depth is not to be believed, or None.
     """
 
-    depth: Path
-    color: Path | None
+    depth: Picture
+    color: Picture | None
     pose: np.ndarray
+    depth_camera: Intrinsics
+    color_camera: Intrinsics
+    confidence: Picture | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RgbdRecording:
     """Frames of one walk through a room.
 
     Attributes:
-        kind: layout of the folder.
+        kind: the format.
         frames: in the order of the walk.
-        depth_camera: of the depth images.
-        color_camera: of the colour images; the same where they are registered.
         metres: metres a unit of depth.
         lost: number of frames without a valid pose, left out.
+        color_from_depth: transform from the depth camera's coordinates to the colour camera's, shape [4 4]; one where
+            depth is registered to colour.
+        gravity: axis of the world that points up, "y" or "z", where the format states it.
     """
 
     kind: str
     frames: tuple[PosedFrame, ...]
-    depth_camera: Intrinsics
-    color_camera: Intrinsics
     metres: float
     lost: int
+    color_from_depth: np.ndarray = field(default_factory=lambda: np.eye(4))
+    gravity: str | None = None
 
     @property
-    def up(self) -> np.ndarray:
-        """Up direction that the cameras speak for, unit, shape [3]: square to their rows of pixels, which people hold level."""
+    def registered(self) -> bool:
+        """True if one camera saw depth and colour."""
+        return np.array_equal(self.color_from_depth, np.eye(4))
+
+    @property
+    def up(self) -> np.ndarray | None:
+        """Up direction that the cameras speak for, unit, shape [3]: square to their rows of pixels, which people hold level.
+
+        None where the format states it: phones are held upright, too.
+        """
+        if self.gravity:
+            return None
         right = np.stack([frame.pose[:3, 0] for frame in self.frames])
         upwards = -np.stack([frame.pose[:3, 1] for frame in self.frames]).mean(axis=0)
         direction: np.ndarray = np.linalg.eigh(right.T @ right)[1][:, 0]
         return direction * (1.0 if direction @ upwards >= 0 else -1.0)
-
-
-def recognise(folder: Path) -> bool:
-    """Return True for a folder whose files are laid out as a known recording."""
-    return _reader(folder) is not None
-
-
-def read(folder: Path) -> RgbdRecording:
-    """Read which frames a recording holds; images are opened when they are fused.
-
-    Raises:
-        InputError: no such folder, an unknown layout, a frame without depth or pose, a damaged pose or camera, too few frames.
-    """
-    if not folder.is_dir():
-        raise InputError(f"frames {str(folder)!r} is no folder; give the folder of one recording")
-    reader = _reader(folder)
-    if reader is None:
-        raise InputError(f"{folder}: holds no known recording; possible: {_LAYOUTS}")
-    recording = reader(folder)
-    if len(recording.frames) < MIN_FRAMES:
-        raise InputError(
-            f"{folder}: {len(recording.frames)} frames have a valid pose and depth, {recording.lost} have no pose; "
-            f"give a recording of {MIN_FRAMES} or more"
-        )
-    return recording
 
 
 def images(
@@ -117,39 +139,108 @@ def images(
     """Yield every so many frames, their depth [m], shape [row column], 0 beyond a distance [m], and their colours, or None.
 
     Raises:
-        InputError: an image that cannot be read, or depth that is no 16 bit image of the same size in all frames.
+        InputError: an image that cannot be read, or depth that is no image of 16 bits or floats of the same size in all frames.
     """
     size = None
     for frame in recording.frames[::every]:
-        raw = _image(frame.depth)
-        if raw.ndim != 2 or raw.dtype.itemsize < 2:
-            raise InputError(f"{frame.depth}: is no 16 bit depth image; expected a PNG with one channel of 16 bits")
-        if size is not None and raw.shape != size:
+        depth = measured(recording, frame, far)
+        if size is not None and depth.shape != size:
             raise InputError(
-                f"{frame.depth}: has {raw.shape[1]} x {raw.shape[0]} pixels, frames before {size[1]} x {size[0]}"
+                f"{frame.depth.name}: has {depth.shape[1]} x {depth.shape[0]} pixels, frames before {size[1]} x {size[0]}"
             )
-        size = raw.shape
+        size = depth.shape
+        color = None if frame.color is None else frame.color.load()
+        if frame.color and color is not None and (color.ndim != 3 or color.shape[2] < 3 or color.dtype != np.uint8):
+            raise InputError(f"{frame.color.name}: is no colour image; expected RGB")
+        yield frame, depth, None if color is None else color[..., :3]
+
+
+def measured(recording: RgbdRecording, frame: PosedFrame, far: float = np.inf) -> np.ndarray:
+    """Return a frame's depth [m], shape [row column], float32, 0 where there is none, no confidence, or it is far.
+
+    Raises:
+        InputError: an image that cannot be read, or no depth image.
+    """
+    raw = frame.depth.load()
+    if raw.ndim != 2 or raw.dtype.itemsize < 2:
+        raise InputError(f"{frame.depth.name}: is no 16 bit depth image; expected a PNG with one channel of 16 bits")
+    if raw.dtype.kind == "f":
+        depth = np.nan_to_num(raw, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float32)
+        valid = depth > 0
+    else:
         depth = raw.astype(np.float32) * np.float32(recording.metres)
-        color = None if frame.color is None else _image(frame.color)
-        if color is not None and (color.ndim != 3 or color.shape[2] < 3):
-            raise InputError(f"{frame.color}: is no colour image; expected RGB")
-        yield frame, np.where((raw < 65535) & (depth < far), depth, 0), None if color is None else color[..., :3]
+        valid = raw < 65535
+    if frame.confidence:
+        sure = frame.confidence.load()
+        if sure.shape != raw.shape:
+            raise InputError(
+                f"{frame.confidence.name}: has the shape {list(sure.shape)}, the depth image {list(raw.shape)}"
+            )
+        valid &= sure > 0
+    return np.where(valid & (depth < far), depth, 0)
+
+
+def check(recording: RgbdRecording) -> str | None:
+    """Compare frames that overlap; return a doubt where none do, or None.
+
+    The points of one frame, moved by the two poses, must have the depth that the other frame measured there.
+
+    Raises:
+        InputError: they have not; the line says which convention or unit would make them.
+    """
+    pairs = [_Pair.of(recording, *pair) for pair in _partners(recording)]
+    scale = max(_SCALES, key=lambda each: _agreement(pairs, partial(_moved, scale=each), _CLOSE) or 0.0)
+    words = f"depth and positions are in different units: they agree with positions times {scale:.3g}"
+    changes = {**_CHANGES, words: partial(_moved, scale=scale)}
+    stated, close = (_agreement(pairs, lambda pose: pose, tolerance) for tolerance in (1.0, _CLOSE))
+    others = {words: _agreement(pairs, change) or 0.0 for words, change in changes.items()}
+    best = max(others, key=lambda words: others[words])
+    if others[words] > 0.6 and stated is not None and close is not None:
+        # Frames that move little agree roughly in any unit.
+        if (_agreement(pairs, changes[words], _CLOSE) or 0.0) > close + _BETTER:
+            best, stated = words, min(stated, close)
+    likely = f"; likely {best}" if others[best] > 0.6 else ""
+    what = f"{recording.kind} recording: neighbouring frames contradict each other"
+    if stated is None and others[best] > 0.7:
+        raise InputError(f"{what} (they share nothing){likely}")
+    if stated is None:
+        return "no two frames overlap, so that poses and units are not checked"
+    if stated < _AGREE or others[best] > stated + _BETTER:
+        likely = likely or "; check the poses, the unit of depth and the intrinsics"
+        raise InputError(f"{what} ({100 * stated:.0f} % of the points agree){likely}")
+    return None
 
 
 def keyframes(recording: RgbdRecording, sharpness: np.ndarray, spread: float = 0.35, turn: float = 25.0) -> list[int]:
-    """Return indices of sharp frames that are well spread: the sharpest first, none near to one that is chosen.
+    """Return indices of sharp frames that are well spread, so that there are 40 to 120 of a long walk.
+
+    A frame is sharp beside its neighbours in time, which show the same: a plain wall has fewer edges than a shelf.
 
     Args:
         recording: the frames.
         sharpness: of each frame; NaN leaves it out, shape [frame].
-        spread: distance from which on frames are not near [m].
-        turn: angle between optical axes from which on frames are not near [deg].
+        spread: distance from which on frames are not near, to begin with [m].
+        turn: angle between optical axes from which on frames are not near, to begin with [deg].
     """
+    usable = np.flatnonzero(np.isfinite(sharpness))
+    values = sharpness[usable]
+    around = [np.median(values[max(0, index - 10) : index + 11]) for index in range(len(usable))]
+    order = usable[np.argsort(-values / np.maximum(around, 1e-9), kind="stable")]
+    chosen = _spread_out(recording, order, spread, turn)
+    for _ in range(8):
+        if FEW <= len(chosen) <= MANY or (len(chosen) < FEW and len(chosen) >= len(usable) // 4):
+            break
+        factor = 0.8 if len(chosen) < FEW else 1.25
+        spread, turn = factor * spread, factor * turn
+        chosen = _spread_out(recording, order, spread, turn)
+    return chosen
+
+
+def _spread_out(recording: RgbdRecording, order: np.ndarray, spread: float, turn: float) -> list[int]:
+    """Return the first frames in an order of which none is near to an earlier one, sorted."""
     poses = np.stack([frame.pose for frame in recording.frames])
     chosen: list[int] = []
-    for index in np.argsort(-np.nan_to_num(sharpness, nan=-np.inf)):
-        if not np.isfinite(sharpness[index]):
-            break
+    for index in order:
         far = np.linalg.norm(poses[chosen, :3, 3] - poses[index, :3, 3], axis=1) > spread
         turned = poses[chosen, :3, 2] @ poses[index, :3, 2] < np.cos(np.radians(turn))
         if (far | turned).all():
@@ -157,26 +248,42 @@ def keyframes(recording: RgbdRecording, sharpness: np.ndarray, spread: float = 0
     return sorted(chosen)
 
 
-def write_keyframes(folder: Path, recording: RgbdRecording, chosen: list[int], to_scan: np.ndarray) -> None:
-    """Write the colour images of some frames, their cameras and their poses in the scan, into a folder of a scan.
+def write_keyframes(
+    folder: Path, recording: RgbdRecording, chosen: list[int], to_scan: np.ndarray, sharpness: np.ndarray
+) -> None:
+    """Write the colour images of some frames, and their cameras and poses in the scan, into a folder of a scan.
 
     Args:
         folder: of the scan.
         recording: the frames.
         chosen: their indices.
-        to_scan: transform from the recording's coordinates to the scan's, a rigid motion, shape [4 4].
+        to_scan: transform from the recording's coordinates to the scan's, a rigid motion and a scale, shape [4 4].
+        sharpness: of each frame, shape [frame].
     """
     target = folder / KEYFRAMES
     target.mkdir()
     records = []
+    depth_from_color = np.linalg.inv(recording.color_from_depth)
     for index in chosen:
         frame = recording.frames[index]
         if frame.color is None:
             continue
-        shutil.copyfile(frame.color, target / frame.color.name)
-        records.append({"image": frame.color.name, "camera_to_scan": (to_scan @ frame.pose).tolist()})
-    data = {"camera": asdict(recording.color_camera), "frames": records}
-    (target / "keyframes.json").write_text(json.dumps(data, indent=1), encoding="utf-8")
+        name = frame.color.file.name if frame.color.file else f"{index:06d}.jpg"
+        if frame.color.file:
+            shutil.copyfile(frame.color.file, target / name)
+        else:
+            _write_jpeg(frame.color.load()[..., :3], target / name)
+        pose = to_scan @ frame.pose @ depth_from_color
+        pose[:3, :3] /= np.cbrt(np.linalg.det(pose[:3, :3]))
+        record = {"image": name, "camera": asdict(frame.color_camera), "camera_to_scan": pose.tolist()}
+        records.append({**record, "sharpness": float(sharpness[index])})
+    (target / KEYFRAME_LIST).write_text(json.dumps({"frames": records}, indent=1), encoding="utf-8")
+
+
+def _write_jpeg(color: np.ndarray, path: Path) -> None:
+    from PIL import Image  # of the extra sim
+
+    Image.fromarray(color).save(path, format="JPEG", quality=95)
 
 
 def sharpness(color: np.ndarray | None) -> float:
@@ -188,138 +295,82 @@ def sharpness(color: np.ndarray | None) -> float:
     return float(np.mean(inner**2))
 
 
-def _image(path: Path) -> np.ndarray:
-    from PIL import Image  # of the extra sim
-
-    try:
-        with Image.open(path) as opened:
-            return np.asarray(opened)
-    except (OSError, SyntaxError, ValueError) as error:
-        raise InputError(f"{path}: damaged or no image ({' '.join(str(error).split())[:80]})") from error
-
-
-def _reader(folder: Path) -> Callable[[Path], RgbdRecording] | None:
-    if next(folder.glob("frame-*.depth.png"), None):
-        return _seven_scenes
-    if (folder / "depth").is_dir() and (folder / "pose").is_dir():
-        return _scannet
-    if (folder / "transforms.json").is_file():
-        return _nerfstudio
-    return None
+_CHANGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "the cameras look along -z (OpenGL) where +z is expected, or the other way round": lambda pose: pose @ OPENGL,
+    "the poses are world to camera where camera to world is expected": np.linalg.inv,
+    "the poses are world to camera of cameras that look along the other way": lambda pose: np.linalg.inv(pose) @ OPENGL,
+    "the images are turned by 90 degrees": lambda pose: pose @ _turn(1),
+    "the images are turned by -90 degrees": lambda pose: pose @ _turn(-1),
+    "the images are upside down": lambda pose: pose @ _turn(2),
+}
 
 
-def _seven_scenes(folder: Path) -> RgbdRecording:
-    """Read frames as 7-Scenes, BundleFusion and tsdf-fusion-python name them: depth in mm, 65535 or 0 where there is none."""
-    depths = sorted(folder.glob("frame-*.depth.png"))
-    stems = [path.name.removesuffix(".depth.png") for path in depths]
-    poses = [_pose(folder / f"{stem}.pose.txt") for stem in stems]
-    colors = [_first(folder / f"{stem}.color.jpg", folder / f"{stem}.color.png") for stem in stems]
-    camera = _camera(folder / "camera-intrinsics.txt")
-    return _recording("7-Scenes", depths, colors, poses, camera, camera, 0.001)
+_SCALES = [
+    scale for scale in (*10.0 ** np.arange(-4.0, 5.0), 0.2, 5.0, *np.geomspace(0.06, 18.0, 36)) if abs(scale - 1) > 0.2
+]
 
 
-def _scannet(folder: Path) -> RgbdRecording:
-    """Read frames as ScanNet's SensReader exports them: depth in mm, poses of minus infinity where tracking was lost."""
-    depths = sorted(folder.glob("depth/*.png"), key=lambda path: _number(path.stem))
-    poses = [_pose(folder / "pose" / f"{path.stem}.txt") for path in depths]
-    colors = [_first(folder / "color" / f"{path.stem}.jpg", folder / "color" / f"{path.stem}.png") for path in depths]
-    camera = _camera(folder / "intrinsic" / "intrinsic_depth.txt")
-    color = folder / "intrinsic" / "intrinsic_color.txt"
-    return _recording("ScanNet", depths, colors, poses, camera, _camera(color) if color.is_file() else camera, 0.001)
+def _turn(quarters: int) -> np.ndarray:
+    turn = np.eye(4)
+    turn[:2, :2] = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), quarters % 4)
+    return turn
 
 
-def _nerfstudio(folder: Path) -> RgbdRecording:
-    """Read transforms.json: one camera for all frames, which look along -z, with depth images in mm."""
-    path = folder / "transforms.json"
-    try:
-        data = json.loads(path.read_bytes())
-        frames = data["frames"]
-        width, depth_width = float(data["w"]), float(data.get("depth_w", data["w"]))
-        camera = Intrinsics(*(float(data[key]) for key in ("fl_x", "fl_y", "cx", "cy")))
-        poses = [_checked(np.array(frame["transform_matrix"], dtype=float), path) for frame in frames]
-        depths = [folder / frame["depth_file_path"] for frame in frames]
-        colors = [_first(folder / frame["file_path"]) for frame in frames]
-    except (ValueError, KeyError, TypeError) as error:
-        reason = " ".join(f"{type(error).__name__} {error}".split())[:120]
-        raise InputError(f"{path}: damaged or without depth ({reason}); export it with depth images") from error
-    missing = [depth for depth in depths if not depth.is_file()]
-    if missing:
-        raise InputError(f"{path}: {len(missing)} of {len(depths)} depth images are missing, first {missing[0].name}")
-    scale = depth_width / width
-    depth_camera = Intrinsics(camera.fx * scale, camera.fy * scale, camera.cx * scale, camera.cy * scale)
-    turned = [None if pose is None else pose @ _OPENGL for pose in poses]
-    return _recording(
-        "nerfstudio", depths, colors, turned, depth_camera, camera, float(data.get("depth_unit_scale_factor", 0.001))
-    )
+def _moved(pose: np.ndarray, scale: float) -> np.ndarray:
+    moved = pose.copy()
+    moved[:3, 3] *= scale
+    return moved
 
 
-def _recording(
-    kind: str,
-    depths: list[Path],
-    colors: list[Path | None],
-    poses: list[np.ndarray | None],
-    depth_camera: Intrinsics,
-    color_camera: Intrinsics,
-    metres: float,
-) -> RgbdRecording:
-    rows = zip(depths, colors, poses, strict=True)
-    frames = tuple(PosedFrame(depth, color, pose) for depth, color, pose in rows if pose is not None)
-    return RgbdRecording(kind, frames, depth_camera, color_camera, metres, len(poses) - len(frames))
+def _partners(recording: RgbdRecording) -> list[tuple[PosedFrame, PosedFrame]]:
+    """Return pairs of frames whose cameras are turned by some degrees, which no convention changes, and moved the most."""
+    frames = recording.frames
+    pairs = []
+    for first in np.unique(np.linspace(0, len(frames) - 2, _PAIRS).astype(int)):
+        later = frames[first + 1 : first + 1 + _AHEAD]
+        cosines = [(np.trace(frames[first].pose[:3, :3].T @ other.pose[:3, :3]) - 1) / 2 for other in later]
+        turned = np.flatnonzero((np.array(cosines) < _APART) & (np.array(cosines) > _TOO_FAR))
+        moved = [np.linalg.norm(later[index].pose[:3, 3] - frames[first].pose[:3, 3]) for index in turned]
+        pairs.append((frames[first], later[turned[np.argmax(moved)]] if len(turned) else later[0]))
+    return pairs
 
 
-def _pose(path: Path) -> np.ndarray | None:
-    """Return a camera's pose [4 4]; None where tracking was lost."""
-    return _checked(_matrix(path, (4, 4)), path)
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """Points of one frame in its camera [m], shape [point 3], its pose, and the other's depth image [m], pose and camera."""
+
+    points: np.ndarray
+    pose: np.ndarray
+    depth: np.ndarray
+    other: np.ndarray
+    camera: Intrinsics
+
+    @classmethod
+    def of(cls, recording: RgbdRecording, one: PosedFrame, two: PosedFrame) -> _Pair:
+        depth = measured(recording, one)
+        step = max(1, int(np.sqrt(depth.size / 2000)))
+        rows, columns = np.mgrid[0 : depth.shape[0] : step, 0 : depth.shape[1] : step]
+        some, camera = depth[::step, ::step], one.depth_camera
+        rays = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones(rows.shape)], -1)
+        points = (rays * some[..., None])[some > 0]
+        return cls(points, one.pose, measured(recording, two), two.pose, two.depth_camera)
+
+    def share(self, change: Callable[[np.ndarray], np.ndarray], tolerance: float) -> float:
+        """Return the share of points that both frames see and have at the same depth; NaN where few are seen by both."""
+        move = np.linalg.inv(change(self.other)) @ change(self.pose)
+        x = self.points @ move[:3, :3].T + move[:3, 3]
+        x = x[x[:, 2] > 0.1]
+        columns = np.round(self.camera.fx * x[:, 0] / x[:, 2] + self.camera.cx)
+        rows = np.round(self.camera.fy * x[:, 1] / x[:, 2] + self.camera.cy)
+        height, width = self.depth.shape
+        inside = (columns >= 0) & (rows >= 0) & (columns < width) & (rows < height)
+        z = self.depth[rows[inside].astype(int), columns[inside].astype(int)]
+        near = np.abs(z - x[inside, 2])[z > 0] < tolerance * (0.03 + 0.03 * z[z > 0])
+        return float(near.mean()) if len(near) >= max(30, 0.08 * len(self.points)) else np.nan
 
 
-def _checked(pose: np.ndarray, path: Path) -> np.ndarray | None:
-    """Return a pose, or None if it is not finite.
-
-    Raises:
-        InputError: it is no rigid motion.
-    """
-    if pose.shape != (4, 4):
-        raise InputError(f"{path}: a pose has the shape {list(pose.shape)}; expected 4 rows of 4 numbers")
-    if not np.isfinite(pose).all():
-        return None
-    rotation = pose[:3, :3]
-    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=0.02) or np.linalg.det(rotation) < 0:
-        raise InputError(f"{path}: a pose is no rotation and translation; expected camera to world, in metres")
-    return pose
-
-
-def _camera(path: Path) -> Intrinsics:
-    """Return the camera in a text file with 3 x 3 or 4 x 4 numbers."""
-    matrix = _matrix(path, (3, 3), (4, 4))
-    camera = Intrinsics(matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
-    if not (np.isfinite(matrix).all() and camera.fx > 1 and camera.fy > 1):
-        raise InputError(f"{path}: focal lengths are {camera.fx:g} and {camera.fy:g} pixels; expected a camera matrix")
-    return camera
-
-
-def _matrix(path: Path, *shapes: tuple[int, int]) -> np.ndarray:
-    """Return the numbers of a text file.
-
-    Raises:
-        InputError: no such file, no numbers, or another shape.
-    """
-    try:
-        matrix = np.loadtxt(path, dtype=np.float64, ndmin=2)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: is missing; a recording needs it for every frame") from error
-    except (ValueError, OSError) as error:
-        raise InputError(f"{path}: holds no matrix ({' '.join(str(error).split())[:80]})") from error
-    if matrix.shape not in shapes:
-        expected = " or ".join(f"{rows} x {columns}" for rows, columns in shapes)
-        raise InputError(f"{path}: holds {' x '.join(map(str, matrix.shape))} numbers; expected {expected}")
-    return matrix
-
-
-def _first(*paths: Path) -> Path | None:
-    return next((path for path in paths if path.is_file()), None)
-
-
-def _number(stem: str) -> tuple[int, str]:
-    """Return a key that orders "2" before "10"."""
-    digits = re.findall(r"\d+", stem)
-    return (int(digits[-1]) if digits else -1, stem)
+def _agreement(pairs: list[_Pair], change: Callable[[np.ndarray], np.ndarray], tolerance: float = 1.0) -> float | None:
+    """Return the median share of points of the pairs that overlap; None where fewer than two pairs do."""
+    shares = np.array([pair.share(change, tolerance) for pair in pairs])
+    shares = shares[np.isfinite(shares)]
+    return float(np.median(shares)) if len(shares) >= min(2, len(pairs)) and len(shares) else None

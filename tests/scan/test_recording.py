@@ -4,49 +4,179 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pytest
 import recordings
 
 from s2a.core.errors import InputError
-from s2a.scan import recording
+from s2a.scan import recording, recording_formats
+from s2a.scene.geometry.depth_fusion import DepthFusion, Image, measured_points
+from s2a.scene.scene import Mesh
 
 WRITERS: dict[str, Callable[[Path, int], Path]] = {
     "7-Scenes": recordings.seven_scenes,
     "ScanNet": recordings.scannet,
     "nerfstudio": recordings.nerfstudio,
+    "ARKitScenes": recordings.arkitscenes,
+    "Stray Scanner": recordings.stray,
+    "Polycam": recordings.polycam,
+    "Record3D": recordings.record3d,
 }
+LOST = {"ScanNet": 1, "ARKitScenes": 24}
 
 
 @pytest.mark.parametrize("kind", WRITERS)
-def test_every_layout_gives_the_same_cameras_and_depth(tmp_path: Path, kind: str) -> None:
-    walk = recording.read(WRITERS[kind](tmp_path / "walk", 4))
-    used = [0, 1, 3] if kind == "ScanNet" else [0, 1, 2, 3]
-    assert (walk.kind, len(walk.frames), walk.lost) == (kind, len(used), 4 - len(used))
-    assert (walk.depth_camera.fx, walk.depth_camera.cy) == (recordings.FOCAL, recordings.HEIGHT / 2)
+def test_every_layout_gives_the_same_cameras_depth_and_colours(tmp_path: Path, kind: str) -> None:
+    walk = recording_formats.read(WRITERS[kind](tmp_path / "walk", 24))
+    used = [index for index in range(24) if kind != "ScanNet" or index != 2]
+    assert (walk.kind, len(walk.frames), walk.lost) == (kind, len(used), LOST.get(kind, 0))
+    assert walk.frames[0].depth_camera == recording.Intrinsics(
+        *map(pytest.approx, (recordings.FOCAL, recordings.FOCAL, recordings.WIDTH / 2, recordings.HEIGHT / 2))
+    )
+    world = recordings.Y_UP if walk.gravity == "y" else np.eye(4)
     for index, (frame, depth, color) in zip(used, recording.images(walk, 1, 9.0), strict=True):
-        pose = recordings.poses(4)[index]
-        assert frame.pose == pytest.approx(pose, abs=1e-9)
-        assert depth == pytest.approx(recordings.image(pose)[0], abs=6e-4)
-        assert color is not None and color.shape == (*depth.shape, 3)
-    assert walk.up == pytest.approx([0, 0, 1], abs=1e-6)
+        pose = recordings.poses(24)[index]
+        assert frame.pose == pytest.approx(world @ pose, abs=1e-6)
+        seen = depth > 0
+        assert depth[seen] == pytest.approx(recordings.image(pose)[0][seen], abs=6e-4)
+        assert seen.mean() == pytest.approx(1 - 400 / seen.size if frame.confidence else 1.0)
+        assert color is not None
+        truth = recordings.image(pose, color.shape[0] // depth.shape[0])[1]
+        assert np.abs(color.astype(int) - truth).mean() < 4
+    assert walk.up is None if walk.gravity else walk.up == pytest.approx([0, 0, 1], abs=1e-6)
+    assert recording.check(walk) is None
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_the_fused_surface_is_the_room(tmp_path: Path, kind: str) -> None:
+    surface = fused(recording_formats.read(WRITERS[kind](tmp_path / "walk", 36)))
+    points = surface.vertices
+    if kind in ("Stray Scanner", "Polycam", "Record3D"):
+        points = points @ recordings.Y_UP[:3, :3]
+    off = np.minimum(np.abs(points), np.abs(points - recordings.SIZE)).min(axis=1)
+    assert np.sqrt(np.mean(off**2)) < 0.008 and len(points) > 5000
+    inner = (points[:, :2] > 0.2).all(axis=1) & (points[:, :2] < recordings.SIZE[:2] - 0.2).all(axis=1)
+    assert surface.colors is not None
+    assert surface.colors[inner & (points[:, 2] < 0.05)].mean(axis=0) == pytest.approx(recordings.RED, abs=8)
+
+
+def fused(walk: recording.RgbdRecording) -> Mesh:
+    move = None if walk.registered else walk.color_from_depth
+    frames = [
+        Image(depth, color, frame.pose, astuple(frame.depth_camera), astuple(frame.color_camera), move)
+        for frame, depth, color in recording.images(walk, 1, 9.0)
+    ]
+    fusion = DepthFusion(measured_points(frames, 4), 0.03, 0.12)
+    for frame in frames:
+        fusion.add(frame)
+    return fusion.surface(0.3)
+
+
+def test_a_r3d_file_is_read_as_what_it_unpacks_to(tmp_path: Path) -> None:
+    walk = recording_formats.read(recordings.r3d(tmp_path / "walk.r3d", 4))
+    folder = recording_formats.read(tmp_path / "walk")
+    for (one, depth, color), (two, same, paint) in zip(
+        recording.images(walk, 1, 9.0), recording.images(folder, 1, 9.0), strict=True
+    ):
+        assert np.array_equal(one.pose, two.pose) and np.array_equal(depth, same)
+        assert color is not None and paint is not None and np.array_equal(color, paint)
+
+
+def test_colour_of_a_camera_of_its_own_falls_where_it_was_seen(tmp_path: Path) -> None:
+    """Colour images 15 cm beside the depth camera: the border of the floor's red lies at the walls only if that is told."""
+    folder, offset = recordings.seven_scenes(tmp_path / "walk", 36), 0.15
+    for index, pose in enumerate(recordings.poses(36)):
+        color = recordings.image(pose, 1, offset)[1]
+        PIL.Image.fromarray(color).save(folder / f"frame-{index:06d}.color.png")
+    camera = (recordings.FOCAL, recordings.FOCAL, recordings.WIDTH / 2, recordings.HEIGHT / 2, -offset, 0.0, 0.0)
+    wrong = [spill(fused(recording_formats.read(folder, given))) for given in (None, camera)]
+    assert wrong[1] < 0.02 and wrong[0] > 3 * wrong[1]
+
+
+def spill(surface: Mesh) -> float:
+    """Return the share of vertices off the floor's edge whose colour is that of the other side."""
+    points, colors = surface.vertices, surface.colors
+    assert colors is not None
+    red = colors[:, 0].astype(int) - colors[:, 1] > 80
+    low = points[:, 2] < 0.03
+    wall = ~low & (points[:, 2] > 0.05) & (points[:, 2] < 0.3)
+    edge = np.minimum(points, recordings.SIZE - points)[:, :2].min(axis=1)
+    floor = low & (edge > 0.05) & (edge < 0.3)
+    return float((red[wall].sum() + (~red[floor]).sum()) / (wall.sum() + floor.sum()))
+
+
+def test_the_kinect_of_7_scenes_is_not_registered(tmp_path: Path) -> None:
+    folder = tmp_path / "walk"
+    folder.mkdir()
+    for index in range(2):
+        PIL.Image.fromarray(np.full((480, 640), 2000, np.uint16)).save(folder / f"frame-{index:06d}.depth.png")
+        PIL.Image.fromarray(np.zeros((480, 640, 3), np.uint8)).save(folder / f"frame-{index:06d}.color.png")
+        np.savetxt(folder / f"frame-{index:06d}.pose.txt", np.eye(4))
+    walk = recording_formats.read(folder)
+    assert not walk.registered and walk.frames[0].color_camera.fx == 525 and walk.frames[0].depth_camera.fx == 585
+    assert recording_formats.read(folder, (585, 585, 320, 240, 0, 0, 0)).registered
+
+
+def change_poses(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    for path in folder.glob("*.pose.txt"):
+        np.savetxt(path, change(np.loadtxt(path)))
+
+
+def scaled(pose: np.ndarray, scale: float) -> np.ndarray:
+    moved = pose.copy()
+    moved[:3, 3] *= scale
+    return moved
+
+
+WRONG: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
+    "opengl": (lambda pose: pose @ recordings.FLIP, "look along -z"),
+    "inverse": (np.linalg.inv, "world to camera"),
+    "millimetres": (lambda pose: scaled(pose, 1000.0), r"different units.*times 0\.001"),
+    "turned": (lambda pose: pose @ np.array([[0, -1.0, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]), "turned by"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_frames_that_contradict_each_other_are_refused(tmp_path: Path, name: str) -> None:
+    change, words = WRONG[name]
+    folder = recordings.seven_scenes(tmp_path / "walk", 72)
+    change_poses(folder, change)
+    with pytest.raises(InputError, match=words) as error:
+        recording.check(recording_formats.read(folder))
+    assert "\n" not in str(error.value)
+
+
+def test_depth_in_another_unit_is_refused(tmp_path: Path) -> None:
+    folder = recordings.seven_scenes(tmp_path / "walk", 72)
+    for path in folder.glob("*.depth.png"):
+        depth = np.asarray(PIL.Image.open(path)).astype(int) * 5
+        PIL.Image.fromarray(depth.astype(np.uint16)).save(path)
+    with pytest.raises(InputError, match=r"different units.*times (4\.|5)"):
+        recording.check(recording_formats.read(folder))
+
+
+def test_frames_that_do_not_overlap_are_a_doubt(tmp_path: Path) -> None:
+    walk = recording_formats.read(recordings.seven_scenes(tmp_path / "walk", 3))
+    assert "not checked" in (recording.check(walk) or "")
 
 
 def test_depth_beyond_what_is_believed_is_none(tmp_path: Path) -> None:
-    walk = recording.read(recordings.seven_scenes(tmp_path / "walk", 2))
+    walk = recording_formats.read(recordings.seven_scenes(tmp_path / "walk", 2))
     _, depth, _ = next(recording.images(walk, 1, 1.5))
     assert depth.max() < 1.5 and (depth == 0).any()
 
 
 def test_keyframes_are_sharp_and_spread(tmp_path: Path) -> None:
-    walk = recording.read(recordings.seven_scenes(tmp_path / "walk", 12))
+    walk = recording_formats.read(recordings.seven_scenes(tmp_path / "walk", 12))
     sharp = np.arange(12.0)
     sharp[5] = np.nan
     chosen = recording.keyframes(walk, sharp, spread=9.0, turn=45.0)
     assert 11 in chosen and 5 not in chosen and 4 <= len(chosen) <= 8
-    recording.write_keyframes(tmp_path, walk, chosen, np.eye(4))
+    recording.write_keyframes(tmp_path, walk, chosen, np.eye(4), sharp)
     written = json.loads((tmp_path / "keyframes" / "keyframes.json").read_text())
     assert [frame["image"] for frame in written["frames"]] == [f"frame-{index:06d}.color.png" for index in chosen]
 
@@ -97,11 +227,86 @@ def test_damage_is_one_line(tmp_path: Path, damage: Callable[[Path], None], word
     folder = recordings.seven_scenes(tmp_path / "walk", 3)
     damage(folder)
     with pytest.raises(InputError, match=word) as error:
-        list(recording.images(recording.read(folder), 1, 9.0))
+        list(recording.images(recording_formats.read(folder), 1, 9.0))
     assert "\n" not in str(error.value)
 
 
 def test_an_unknown_folder_names_the_layouts(tmp_path: Path) -> None:
-    assert not recording.recognise(tmp_path)
+    assert not recording_formats.recognise(tmp_path)
     with pytest.raises(InputError, match=r"possible: .*7-Scenes.*ScanNet.*nerfstudio"):
-        recording.read(tmp_path)
+        recording_formats.read(tmp_path)
+
+
+def cut(name: str) -> Callable[[Path], None]:
+    """Return what cuts a file of a recording short."""
+
+    def damage(folder: Path) -> None:
+        path = folder / name
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+    return damage
+
+
+def garble(folder: Path) -> None:
+    path = folder / "odometry.csv"
+    path.write_text(path.read_text().replace("000002", "two"))
+
+
+def remove(name: str) -> Callable[[Path], None]:
+    return lambda folder: (folder / name).unlink()
+
+
+@pytest.mark.parametrize(
+    ("kind", "damage", "word"),
+    [
+        ("ARKitScenes", cut("lowres_wide.traj"), "no table|expected 7"),
+        ("ARKitScenes", remove("lowres_wide.traj"), "is missing"),
+        ("ARKitScenes", remove("lowres_wide_intrinsics/41048190_3414.200.pincam"), "no camera of this time"),
+        ("ARKitScenes", cut("lowres_depth/41048190_3414.300.png"), "damaged"),
+        ("Stray Scanner", cut("rgb.mp4"), "damaged"),
+        ("Stray Scanner", remove("rgb.mp4"), "is missing"),
+        ("Stray Scanner", remove("depth/000001.png"), "1 of 4 depth images are missing"),
+        ("Stray Scanner", cut("camera_matrix.csv"), "no matrix|numbers"),
+        ("Stray Scanner", garble, "no table"),
+        ("Polycam", cut("keyframes/cameras/9500000.json"), "no JSON"),
+        ("Polycam", remove("keyframes/cameras/9500000.json"), "is missing"),
+        ("Polycam", cut("keyframes/confidence/9500000.png"), "damaged"),
+        ("Record3D", cut("metadata"), "no JSON"),
+        ("Record3D", remove("rgbd/1.depth"), "must be as many|is missing"),
+        ("Record3D", cut("rgbd/1.conf"), "pyliblzfse|damaged|bytes"),
+        ("nerfstudio", cut("transforms.json"), "no JSON"),
+        ("nerfstudio", remove("depth_1.png"), "1 of 4 depth images are missing"),
+        ("ScanNet", cut("intrinsic/intrinsic_depth.txt"), "numbers|no matrix"),
+    ],
+)
+def test_damage_of_every_format_is_one_line(
+    tmp_path: Path, kind: str, damage: Callable[[Path], None], word: str
+) -> None:
+    folder = WRITERS[kind](tmp_path / "walk", 4)
+    damage(folder)
+    with pytest.raises(InputError, match=word) as error:
+        list(recording.images(recording_formats.read(folder), 1, 9.0))
+    assert "\n" not in str(error.value)
+
+
+def test_a_camera_of_another_size_is_refused(tmp_path: Path) -> None:
+    folder = recordings.seven_scenes(tmp_path / "walk", 3)
+    np.savetxt(folder / "camera-intrinsics.txt", [[1400, 0, 960], [0, 1400, 720], [0, 0, 1]])
+    with pytest.raises(InputError, match="do not go with"):
+        recording_formats.read(folder)
+
+
+def test_distorted_images_are_refused(tmp_path: Path) -> None:
+    folder = recordings.nerfstudio(tmp_path / "walk", 3)
+    data = json.loads((folder / "transforms.json").read_text())
+    (folder / "transforms.json").write_text(json.dumps({**data, "k1": 0.1}))
+    with pytest.raises(InputError, match="undistort"):
+        recording_formats.read(folder)
+
+
+def test_exr_images_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "depth").mkdir()
+    (tmp_path / "depth" / "0.exr").write_bytes(b"v/1")
+    (tmp_path / "metadata.json").write_text("{}")
+    with pytest.raises(InputError, match="EXR"):
+        recording_formats.read(tmp_path)

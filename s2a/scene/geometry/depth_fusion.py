@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from s2a.core.errors import InputError
 from s2a.core.workers import chunks, in_parallel
 from s2a.scene.geometry.surface_nets import UNKNOWN, Field, extract, mark_blocks, voxel_place
 from s2a.scene.scene import Mesh
@@ -35,6 +36,8 @@ class Image:
         pose: camera to world, x right, y down, z forward, shape [4 4].
         camera: focal lengths and centre of the depth image [pixel]: fx, fy, cx, cy.
         color_camera: those of the colour image.
+        color_from_depth: transform from the depth camera's coordinates to the colour camera's, shape [4 4]; None where one
+            camera saw both.
     """
 
     depth: np.ndarray
@@ -42,6 +45,7 @@ class Image:
     pose: np.ndarray
     camera: tuple[float, float, float, float]
     color_camera: tuple[float, float, float, float]
+    color_from_depth: np.ndarray | None = None
 
 
 @wp.kernel
@@ -62,6 +66,10 @@ def _fuse(
     eye: wp.vec3,
     camera: wp.vec4,
     color_camera: wp.vec4,
+    color_turn: wp.mat33,
+    color_shift: wp.vec3,
+    nearest: wp.array2d(dtype=float),
+    coarse: float,
     first: int,
     distance: wp.array(dtype=float),
     weight: wp.array(dtype=float),
@@ -87,9 +95,17 @@ def _fuse(
     distance[tid] += w * wp.min(d, truncation)
     weight[tid] += w
     if wp.abs(d) < truncation:
+        x = color_turn * x + color_shift
+        if x[2] < 0.1:
+            return
         u = int(wp.round(color_camera[0] * x[0] / x[2] + color_camera[2]))
         v = int(wp.round(color_camera[1] * x[1] / x[2] + color_camera[3]))
         if u >= 0 and v >= 0 and u < color.shape[1] and v < color.shape[0]:
+            i = int(float(v) / coarse)
+            j = int(float(u) / coarse)
+            # The other camera may see something nearer there.
+            if i < nearest.shape[0] and j < nearest.shape[1] and x[2] > nearest[i, j] + truncation:
+                return
             paint[tid] += w * color[v, u]
             painted[tid] += w
 
@@ -134,11 +150,23 @@ class DepthFusion:
     def add(self, image: Image) -> None:
         """Add a frame."""
         field = self._field
-        depth = wp.array(without_edges(image.depth), dtype=float, device="cpu")
+        clean = without_edges(image.depth)
+        depth = wp.array(clean, dtype=float, device="cpu")
         colors = np.zeros((0, 0, 3), np.float32) if image.color is None else image.color.astype(np.float32)
         color = wp.array(colors, dtype=wp.vec3, device="cpu")
         turn, eye = wp.mat33(*image.pose[:3, :3].T.reshape(-1).tolist()), wp.vec3(*image.pose[:3, 3].tolist())
-        cameras = [wp.vec4(*image.camera), wp.vec4(*image.color_camera)]
+        move = np.eye(4) if image.color_from_depth is None else image.color_from_depth
+        nearest, coarse = np.zeros((0, 0), np.float32), 1.0
+        if image.color_from_depth is not None and image.color is not None:
+            nearest, coarse = _nearest(image, clean, move)
+        cameras = [
+            wp.vec4(*image.camera),
+            wp.vec4(*image.color_camera),
+            wp.mat33(*move[:3, :3].reshape(-1).tolist()),
+            wp.vec3(*move[:3, 3].tolist()),
+            wp.array(nearest, dtype=float, device="cpu"),
+            coarse,
+        ]
         inputs = [field.blocks, field.origin, field.voxel, self._truncation, depth, color, turn, eye, *cameras]
         outputs = [field.distance, field.weight, self._paint, self._painted]
 
@@ -160,8 +188,15 @@ class DepthFusion:
 
 
 def measured_points(images: Iterable[Image], step: int = 8) -> np.ndarray:
-    """Return points of some images [m], every so many rows and columns, shape [point 3]."""
-    return np.concatenate([_points(image, step) for image in images])
+    """Return points of some images [m], every so many rows and columns, shape [point 3].
+
+    Raises:
+        InputError: no image has depth.
+    """
+    points = np.concatenate([_points(image, step) for image in images])
+    if not len(points):
+        raise InputError("no frame has depth that is near enough and sure; raise far, or check the unit of depth")
+    return points
 
 
 def without_edges(depth: np.ndarray) -> np.ndarray:
@@ -176,11 +211,35 @@ def without_edges(depth: np.ndarray) -> np.ndarray:
     return np.where(step < _EDGE * depth, depth, 0).astype(np.float32)
 
 
-def _points(image: Image, step: int) -> np.ndarray:
-    rows, columns = np.mgrid[0 : image.depth.shape[0] : step, 0 : image.depth.shape[1] : step]
-    depth = without_edges(image.depth)[::step, ::step]
+def _nearest(image: Image, depth: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the distance of the nearest point that the colour camera may see [m], in cells of its image, and a cell's edge.
+
+    Cells are wide enough that a surface leaves none empty, as seen by half of the depth image's rows and columns.
+    """
+    assert image.color is not None
+    wide = 4.0 * image.color_camera[0] / image.camera[0]
+    shape = tuple(int(np.ceil(n / wide)) for n in image.color.shape[:2])
+    x = _rays(image, depth[::2, ::2], 2) @ move[:3, :3].T + move[:3, 3]
+    x = x[x[:, 2] > 0.1]
+    fx, fy, cx, cy = image.color_camera
+    columns = (fx * x[:, 0] / x[:, 2] + cx) / wide
+    rows = (fy * x[:, 1] / x[:, 2] + cy) / wide
+    inside = (columns >= 0) & (rows >= 0) & (columns < shape[1]) & (rows < shape[0])
+    nearest = np.full(shape, np.inf, np.float32)
+    np.minimum.at(nearest, (rows[inside].astype(int), columns[inside].astype(int)), x[inside, 2].astype(np.float32))
+    return nearest, wide
+
+
+def _rays(image: Image, depth: np.ndarray, step: int) -> np.ndarray:
+    """Return the points of every so many rows and columns in the camera's coordinates [m], shape [point 3]."""
+    rows, columns = np.mgrid[0 : depth.shape[0], 0 : depth.shape[1]] * step
     fx, fy, cx, cy = image.camera
-    rays = np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(depth.shape)], axis=-1)
-    seen = depth > 0
-    placed: np.ndarray = (rays[seen] * depth[seen][:, None]) @ image.pose[:3, :3].T + image.pose[:3, 3]
-    return placed
+    points: np.ndarray = (
+        np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(depth.shape)], axis=-1) * depth[..., None]
+    )
+    return points[depth > 0]
+
+
+def _points(image: Image, step: int) -> np.ndarray:
+    points: np.ndarray = _rays(image, without_edges(image.depth)[::step, ::step], step)
+    return points @ image.pose[:3, :3].T + image.pose[:3, 3]

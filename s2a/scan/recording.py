@@ -191,7 +191,7 @@ def check(recording: RgbdRecording) -> str | None:
     pairs = [_Pair.of(recording, *pair) for pair in _partners(recording)]
     scale = max(_SCALES, key=lambda each: _agreement(pairs, partial(_moved, scale=each), _CLOSE) or 0.0)
     words = f"depth and positions are in different units: they agree with positions times {scale:.3g}"
-    changes = {**_CHANGES, words: partial(_moved, scale=scale)}
+    changes: dict[str, Callable[[np.ndarray], np.ndarray]] = {**_CHANGES, words: partial(_moved, scale=scale)}
     stated, close = (_agreement(pairs, lambda pose: pose, tolerance) for tolerance in (1.0, _CLOSE))
     others = {words: _agreement(pairs, change) or 0.0 for words, change in changes.items()}
     best = max(others, key=lambda words: others[words])

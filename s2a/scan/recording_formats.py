@@ -136,7 +136,7 @@ def _nerfstudio(folder: Path) -> RgbdRecording:
     data = _json(path)
     try:
         frames = data["frames"]
-        sizes = [tuple(float({**data, **frame}[key]) for key in ("w", "h")) for frame in frames]
+        sizes = [(float({**data, **frame}["w"]), float({**data, **frame}["h"])) for frame in frames]
         cameras = [
             Intrinsics(*(float({**data, **frame}[key]) - shift for key, shift in _NERF_KEYS)) for frame in frames
         ]
@@ -244,7 +244,8 @@ def _polycam(folder: Path) -> RgbdRecording:
     corrected = (root / "corrected_cameras").is_dir() and (root / "corrected_images").is_dir()
     prefix = "corrected_" if corrected else ""
     depths = sorted((root / "depth").glob("[!.]*.png"), key=lambda path: _number(path.stem))
-    poses, colors, cameras, depth_cameras, sure = [], [], [], [], []
+    poses: list[np.ndarray | None] = []
+    colors, cameras, depth_cameras, sure = [], [], [], []
     for depth in depths:
         path = root / f"{prefix}cameras" / f"{depth.stem}.json"
         if corrected and not path.is_file():

@@ -61,6 +61,7 @@ class Answer:
         prompt_tokens: of the request, as the model counts, or an estimate (`s2a.language.ask.tokens`); 0 without a
         model. completion_tokens: of the answer.
         note: remark for the record.
+        cut: why it ends too early, and what to do; empty for a whole answer.
     """
 
     text: str
@@ -69,6 +70,7 @@ class Answer:
     prompt_tokens: int = 0
     completion_tokens: int = 0
     note: str = ""
+    cut: str = ""
 
 
 Model = Callable[[Request], Answer]
@@ -94,9 +96,16 @@ def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int
     for _ in range(retries + 1):
         answer = model(request)
         try:
+            if answer.cut and request.schema is None:  # half a script may look whole
+                raise ValidationFeedback(answer.cut)
             accepted = accept(answer.text)
         except ValidationFeedback as feedback:
-            usage.add(request.step, answer, str(feedback))
+            usage.add(request.step, answer, answer.cut or str(feedback))
+            if answer.cut:  # the next one would be as well
+                raise InputError(
+                    f"the answer of model {answer.model!r} to step {request.step!r} {answer.cut}; "
+                    f"or try another llm.model, or llm=rules"
+                ) from feedback
             reason, request = str(feedback), request.with_feedback(answer.text, str(feedback))
         else:
             usage.add(request.step, answer)

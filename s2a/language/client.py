@@ -40,6 +40,8 @@ def recorder(model: Model, path: Path) -> Model:
         if key(request) in entries:
             return _answer(entries[key(request)], request, "")
         reply = model(request)
+        if reply.cut:  # half an answer is none to play again
+            return reply
         about = {"step": request.step, "prompt": _hash(request.system), "about": _about(request), "gist": gist(request)}
         tokens = {"prompt_tokens": reply.prompt_tokens, "completion_tokens": reply.completion_tokens}
         with lock, atomic_write(path) as room:
@@ -168,6 +170,20 @@ MAX_WAIT = 60.0
 """Before a retry, as an endpoint may ask for [s]."""
 
 
+REFUSABLE = {
+    "response_format": r"response_?format|json_?schema|schema|structured|guided|grammar",
+    "max_tokens": r"max_tokens",
+    "max_completion_tokens": r"max_completion_tokens",
+    "temperature": r"temperature",
+    "system": r"role\W+(?:\w+\W+){0,4}system|\bsystem\W+(?:role|message|prompt|instruction)|developer instruction|must alternate",
+}
+"""What some models refuse, and the words in which their servers say so."""
+REFUSALS = (400, 404, 415, 422, 500, 501)
+"""Status of a response that refuses a request as it is."""
+FILTERS = re.compile(r"content_filter|content management|safety|blocklist|prohibited|recitation", re.IGNORECASE)
+TOO_LONG = re.compile(r"context.{0,9}(?:length|window|size)|too long|too many tokens", re.IGNORECASE)
+
+
 @dataclass(frozen=True, kw_only=True)
 class LlmConfig:
     """The language model.
@@ -240,7 +256,7 @@ class Chat:
             raise InputError(
                 "llm=chat needs OPENAI_API_KEY in the environment; set it (a local server takes any), or llm=rules"
             )
-        self._config, self._openai, self._structured = config, openai, True
+        self._config, self._openai, self._refused = config, openai, set[str]()
         # No wait for a part of a response is longer than that for the whole.
         try:
             self._client = openai.OpenAI(timeout=config.timeout, max_retries=config.attempts)
@@ -260,31 +276,47 @@ class Chat:
         except InputError:
             raise
         except Exception as error:  # of the client, its transport, or what they make of an odd response
+            text = printable(" ".join(str(error).split())[:300]) or type(error).__name__
+            remedy = "check OPENAI_BASE_URL, OPENAI_API_KEY and llm.model, or give llm=rules"
+            if FILTERS.search(text):
+                remedy = "its filter refuses the question: word prompt and label otherwise, or set another llm.model"
+            elif TOO_LONG.search(text):
+                remedy = "lower llm.max_tokens, set an llm.model with a longer context, or give llm=rules"
             raise InputError(
-                f"model {self._config.model!r} at {self._client.base_url} failed: "
-                f"{printable(' '.join(str(error).split())[:300]) or type(error).__name__}; "
-                f"check OPENAI_BASE_URL, OPENAI_API_KEY and llm.model, or give llm=rules"
+                f"model {self._config.model!r} at {self._client.base_url} failed: {text}; {remedy}"
             ) from error
         return self._answer(body, request, time.perf_counter() - start)
 
     def _completion(self, request: Request) -> dict[str, Any]:
-        """Return the response, asked for by schema where the endpoint knows that."""
-        if not (self._structured and request.schema):
-            return self._read(self._send(request, {}))
-        wanted = {"name": request.step, "schema": request.schema, "strict": True}
-        try:
-            format = {"type": "json_schema", "json_schema": wanted}
-            return self._read(self._send(request, {"response_format": format}))
-        except (self._openai.BadRequestError, self._openai.UnprocessableEntityError):
-            self._structured = False
-            return self._read(self._send(request, {}))
+        """Return the response; what the endpoint refuses is left out from then on, and the question asked once more."""
+        while True:
+            more = self._options(request)
+            try:
+                return self._read(self._send(request, more))
+            except self._openai.APIStatusError as error:
+                refused = _refused(error, [*more, "system"])
+                if refused is None or refused in self._refused:
+                    raise
+                self._refused.add(refused)
+
+    def _options(self, request: Request) -> dict[str, Any]:
+        """Return what is asked beside the messages, but for what the endpoint has refused."""
+        limit = "max_completion_tokens" if "max_tokens" in self._refused else "max_tokens"
+        options: dict[str, Any] = {"temperature": self._config.temperature, limit: self._config.max_tokens}
+        if request.schema:
+            wanted = {"name": request.step, "schema": request.schema, "strict": True}
+            options["response_format"] = {"type": "json_schema", "json_schema": wanted}
+        return {name: value for name, value in options.items() if name not in self._refused}
 
     def _send(self, request: Request, more: dict[str, Any]) -> bytes:
         """Send a request and return the response, if it comes in time and is not too long."""
-        messages: list[dict[str, Any]] = [{"role": "system", "content": request.system}]
-        messages += [{"role": role, "content": text} for role, text in request.messages]
+        messages: list[dict[str, Any]] = [{"role": role, "content": text} for role, text in request.messages]
+        if "system" in self._refused:
+            messages[0]["content"] = f"{request.system}\n\n{messages[0]['content']}"
         if request.images:
-            messages[1]["content"] = [{"type": "text", "text": messages[1]["content"]}, *map(_image, request.images)]
+            messages[0]["content"] = [{"type": "text", "text": messages[0]["content"]}, *map(_image, request.images)]
+        if "system" not in self._refused:
+            messages = [{"role": "system", "content": request.system}, *messages]
         # The client bounds each wait for a part of a response; this bounds their sum, headers and retries included.
         seconds = self._config.timeout * (self._config.attempts + 1) + MAX_WAIT * self._config.attempts
         return within(min(seconds, TIMEOUT_MAX), lambda: self._receive(messages, more), self._late)
@@ -294,8 +326,6 @@ class Chat:
         with self._client.chat.completions.with_streaming_response.create(
             model=self._config.model,
             messages=messages,  # type: ignore[arg-type]
-            temperature=self._config.temperature,
-            max_tokens=self._config.max_tokens,
             **more,
         ) as response:
             body, deadline = bytearray(), time.monotonic() + self._config.timeout
@@ -320,8 +350,15 @@ class Chat:
         """Return a response as a dictionary."""
         try:
             body = json.loads(text)
+            if isinstance(body, dict) and body.get("error") and not body.get("choices"):
+                reason = printable(" ".join(str(body["error"]).split())[:300])
+                raise InputError(
+                    f"model {self._config.model!r} at {self._client.base_url} failed: {reason}; check llm.model"
+                )
             if not isinstance(body["choices"][0]["message"], dict):
                 raise TypeError("the message is no object")
+        except InputError:
+            raise
         except (ValueError, TypeError, LookupError, RecursionError) as error:
             raise InputError(
                 f"{self._client.base_url} answered what is no chat completion: {text[:80]!r}; check OPENAI_BASE_URL"
@@ -331,8 +368,23 @@ class Chat:
 
     def _answer(self, body: dict[str, Any], request: Request, seconds: float) -> Answer:
         """Return what a response says; what is not text is nothing. Tokens that it does not tell are estimated."""
-        text = body["choices"][0]["message"].get("content")
+        choice = body["choices"][0]
+        text = choice["message"].get("content")
+        if isinstance(text, list):  # parts: thoughts, and the answer
+            parts = [part for part in text if isinstance(part, dict) and part.get("type") == "text"]
+            text = "".join(str(part.get("text", "")) for part in parts)
         text = encodable(text) if isinstance(text, str) else ""
+        reason, cut = str(choice.get("finish_reason")), ""
+        if reason.lower() in ("length", "max_tokens"):
+            limit = f"llm.max_tokens={self._config.max_tokens}"
+            is_ours = "max_completion_tokens" not in self._refused
+            cut = (
+                f"was cut at {limit} tokens, thoughts included; raise it"
+                if is_ours
+                else "was cut by the endpoint's limit"
+            )
+        elif FILTERS.search(reason):
+            cut = "was cut by the endpoint's filter; word prompt and label otherwise"
         counts = body.get("usage")
         usage = counts if isinstance(counts, dict) else {}
         prompt, completion = (usage.get(key) for key in ("prompt_tokens", "completion_tokens"))
@@ -343,7 +395,18 @@ class Chat:
             seconds,
             prompt if is_count(prompt) and prompt else estimate,
             completion if is_count(completion) and completion else tokens(text),
+            cut=cut,
         )
+
+
+def _refused(error: Any, given: list[str]) -> str | None:
+    """Return what of a request an endpoint refuses: what its words name first, else the schema; None where it may be none."""
+    text = f"{error.param or ''} {error}".lower()
+    if error.status_code not in REFUSALS or FILTERS.search(text):
+        return None
+    hits = {name: re.search(REFUSABLE[name], text) for name in given}
+    named = [(hit.start(), name) for name, hit in hits.items() if hit]
+    return min(named)[1] if named else "response_format" if "response_format" in given else None
 
 
 def _image(png: bytes) -> dict[str, Any]:

@@ -316,3 +316,101 @@ def test_a_damaged_recording_is_refused(tmp_path, text):
     (tmp_path / "a.json").write_text(text)
     with pytest.raises(InputError, match="not a recording"):
         replay(tmp_path / "a.json")
+
+
+def unsupported(status: int, words: str, *names: str) -> Any:
+    """Refuse a request that has one of the options, or a message of the role system; answer any other."""
+
+    def reply(request: dict[str, Any]) -> Said:
+        roles = [message["role"] for message in request["messages"]]
+        return failure(status, words) if set(names).intersection([*request, *roles]) else message(json.dumps(PLAN))
+
+    return reply
+
+
+HABITS = {
+    "max_tokens": (400, "Unsupported parameter: 'max_tokens' is not supported. Use 'max_completion_tokens' instead."),
+    "temperature": (400, "Unsupported value: 'temperature' does not support 0.0 with this model. Only 1 is supported."),
+    "system": (400, "Unsupported value: 'messages[0].role' does not support 'system' with this model."),
+    "response_format": (500, "response_format type must be one of text or json_object, but got: json_schema"),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "words"),
+    [
+        *((name, *habit) for name, habit in HABITS.items()),
+        ("system", 400, "System role not supported"),
+        ("system", 400, "Developer instruction is not enabled for models/gemma-3"),
+        ("system", 400, "Conversation roles must alternate user/assistant/user/assistant/..."),
+        ("response_format", 404, "No endpoints found that can handle the requested parameters"),
+        ("response_format", 422, "extra fields not permitted"),
+        ("temperature", 422, "temperature: extra fields not permitted"),
+        ("max_tokens", 400, "Unrecognized request argument supplied: max_tokens"),
+    ],
+)
+def test_what_an_endpoint_refuses_is_left_out_from_then_on(monkeypatch, name, status, words):
+    with chat(monkeypatch, unsupported(status, words, name), attempts=0) as (model, there):
+        assert asked(model).up == "+z" and asked(model).up == "+z"
+    assert len(there.asked) == 3, "one refusal, then two answers"
+    last = there.asked[-1]
+    assert prompts.PLAN in last["messages"][0]["content"], "the instructions are there in any case"
+    assert ("max_tokens" in last or "max_completion_tokens" in last) and (
+        name == "temperature" or last["temperature"] == 0
+    )
+    assert ("response_format" in last) == (name != "response_format")
+
+
+def test_an_endpoint_that_refuses_everything_in_turn_is_asked_in_plain_words(monkeypatch):
+    replies = [unsupported(*HABITS[name], name) for name in HABITS]
+
+    def reply(request: dict[str, Any]) -> Said:
+        refusals = [each(request) for each in replies]
+        return next((said for said in refusals if said.status != 200), message(json.dumps(PLAN)))
+
+    with chat(monkeypatch, reply, attempts=0) as (model, there):
+        assert asked(model).up == "+z"
+    assert len(there.asked) == 1 + len(HABITS) and there.asked[-1]["max_completion_tokens"] == 2000
+
+
+@pytest.mark.parametrize(
+    ("reason", "content", "said"),
+    [
+        ("length", "", r"cut at llm.max_tokens=2000 tokens.*raise it"),
+        ("length", '{"up": "+z", "front"', r"cut at llm.max_tokens=2000"),
+        ("max_tokens", None, r"cut at llm.max_tokens=2000"),
+        ("content_filter", "", "filter; word prompt and label otherwise"),
+        ("SAFETY", None, "filter; word prompt"),
+    ],
+)
+def test_an_answer_that_was_cut_is_paid_once_and_the_line_names_what_to_change(monkeypatch, reason, content, said):
+    body = json.loads(message(content).body)
+    body["choices"][0]["finish_reason"] = reason
+    with (
+        chat(monkeypatch, Said(json.dumps(body).encode())) as (model, there),
+        pytest.raises(InputError, match=said) as error,
+    ):
+        asked(model)
+    assert len(there.asked) == 1 and "\n" not in str(error.value)
+
+
+def test_a_whole_answer_in_parts_or_at_the_limit_is_used(monkeypatch):
+    body = json.loads(message(json.dumps(PLAN)).body)
+    body["choices"][0]["finish_reason"] = "length"
+    parts = [{"type": "thinking", "thinking": "hmm"}, {"type": "text", "text": json.dumps(PLAN)}]
+    with chat(monkeypatch, Said(json.dumps(body).encode()), message(parts)) as (model, there):  # type: ignore[arg-type]
+        assert asked(model).up == asked(model).up == "+z"
+
+
+@pytest.mark.parametrize(
+    ("reply", "said"),
+    [
+        (failure(400, "The response was filtered due to the content management policy"), "filter refuses the question"),
+        (failure(400, "This model's maximum context length is 4096 tokens"), "lower llm.max_tokens"),
+        (Said(b'{"error": {"message": "no credits", "code": 402}}'), "no credits.*llm.model"),
+    ],
+)
+def test_an_endpoints_refusal_ends_in_a_line_with_its_own_remedy(monkeypatch, reply, said):
+    with chat(monkeypatch, reply, attempts=0) as (model, there), pytest.raises(InputError, match=said):
+        asked(model)
+    assert len(there.asked) <= 2

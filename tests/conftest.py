@@ -23,6 +23,7 @@ OFFICE = ("room=office", "seed=101")
 @pytest.fixture(scope="session")
 def office_scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A virtual office as the demo scans it."""
+    pytest.importorskip("s2a.homes", reason="needs s2a.homes")
     from s2a.core import config
     from s2a.homes.sample import SampleConfig, sample  # not needed where only the simulation is tested
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import satellites
 
 browser = pytest.importorskip("browser", reason="selenium is not installed", exc_type=ImportError)
 pytest.importorskip("viser", reason="viser is not installed")
@@ -31,6 +32,7 @@ AZIMUTH = -1.82
 
 def test_three_parts_of_an_unseen_phone_scan_are_annotated_in_a_minute_each_and_opened(tmp_path: Path) -> None:
     sample = [f"room={ROOM}", f"seed={SEED}", "detail=phone", f"out={tmp_path / 'sample'}"]
+    satellites.need("sample")
     assert cli.main(["sample", *sample]) == 0
     glb, imported = tmp_path / "sample" / "scan.glb", tmp_path / "scan"
     assert cli.main(["import", f"mesh={glb}", f"out={imported}", "texel=0.02"]) == 0

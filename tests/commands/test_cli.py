@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+import satellites
 import tiny_scan
 
 from s2a.commands import cli
@@ -85,6 +86,7 @@ def test_bad_input_is_one_line_that_names_it_and_the_remedy(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ):
+    satellites.need(arguments[0])
     monkeypatch.chdir(tmp_path)
     message = refused(capsys, arguments)
     assert [word for word in words if word not in message] == []

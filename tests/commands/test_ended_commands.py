@@ -13,6 +13,7 @@ from pathlib import Path
 
 import box_room
 import pytest
+import satellites
 import tiny_scan
 from cabinet import write_cabinet
 
@@ -55,7 +56,8 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_cabinet(folder / "sim.usda")
     rows = "\n".join(f"{i / 30},{0.01 * i},5" for i in range(20))
     (folder / "pull.csv").write_text(f"time,opening,force\n{rows}\n")
-    assert cli.main(["zoo", f"out={folder / 'zoo'}"]) == 0
+    if not satellites.missing("zoo"):
+        assert cli.main(["zoo", f"out={folder / 'zoo'}"]) == 0
     return folder
 
 
@@ -81,6 +83,7 @@ def ours(found: dict[str, str]) -> dict[str, str]:
 def test_an_ended_command_keeps_the_earlier_output_and_can_be_run_again(
     command: str, inputs: Path, tmp_path: Path
 ) -> None:
+    satellites.need(command)
     out = tmp_path / "out"
     out.mkdir()
     start = time.monotonic()
@@ -128,6 +131,7 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("state", ["full", "read-only"])
 def test_a_disk_that_takes_nothing_is_one_line(command: str, state: str, inputs: Path, disk: Path) -> None:
+    satellites.need(command)
     assert begun(command, inputs, disk, 0).wait() in (0, 1)
     before = content(disk)
     if state == "full":

@@ -15,7 +15,6 @@ import pytest
 import torch
 from cabinet import write_cabinet
 from curves import as_run, fractions, plot
-from gradients import quantile
 from ingredients import BEST, CHANGES
 from multirun import Row, collect, jobs
 from outcome import half_after, logged, percent, write
@@ -193,8 +192,3 @@ def test_ratings_count_what_both_accept_and_how_they_agree_beyond_chance(tmp_pat
     assert "| kitchen | ours | 2 | 1 | 2 |" in lines and "| all | paper | 2 | 0 | 0 |" in lines
     # They agree on 3 of 4; by chance on (2/4 x 1/4) + (2/4 x 3/4) = 1/2.
     assert lines[-1] == "The two agree on 75 % of 4 images, Cohen's kappa 0.50."
-
-
-def test_joints_that_are_never_solved_have_no_evaluations() -> None:
-    assert quantile(np.array([10.0, 20.0, np.inf]), 0.5) == 20.0
-    assert quantile(np.array([10.0, 20.0, np.inf]), 0.9) is None

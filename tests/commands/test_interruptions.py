@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import satellites
 import tiny_scan
 
 from s2a import __main__ as entry
@@ -150,6 +151,7 @@ def test_several_that_write_one_folder_at_once_all_succeed(tmp_path: Path) -> No
 def test_no_command_replaces_the_current_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, command: str, out: str
 ) -> None:
+    satellites.need(command)
     (tmp_path / "sub").mkdir()
     monkeypatch.chdir(tmp_path)
     tiny_scan.write(tmp_path / "scan")

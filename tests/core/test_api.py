@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import satellites
 import tiny_scan
 
 from s2a import api
@@ -47,6 +48,7 @@ def test_bad_input_is_an_input_error(tmp_path: Path) -> None:
         api.load_scene(tmp_path / "nowhere.usd")
     with pytest.raises(InputError, match="nowhere"):
         api.prepare(tmp_path / "nowhere.usd", "drawer_15", out=tmp_path / "sim.usd")
+    satellites.need("insert")
     with pytest.raises(InputError, match="did you mean: retries"):
         api.insert(tmp_path / "x.usd", "a.obj", "mug", out=tmp_path / "out", overrides=["retrie=3"])
 

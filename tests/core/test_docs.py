@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import satellites
 
 from s2a.commands import cli
 from s2a.core import config
@@ -73,6 +74,8 @@ def test_links_lead_to_files_of_the_repository(page: str) -> None:
 def test_every_command_of_the_documentation_is_understood(page: str) -> None:
     text = (ROOT / page).read_text()
     for arguments in map(list, dict.fromkeys(map(tuple, commands(text) + mentions(text)))):
+        if any(map(satellites.missing, arguments)):
+            continue
         try:
             understood(arguments)
         except Exception as error:

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import satellites
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = [str(ROOT / folder) for folder in ("tools", "experiments")]
@@ -36,4 +37,7 @@ def failures() -> dict[str, str]:
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda path: path.stem)
 def test_a_program_imports_what_it_needs(program: Path, failures: dict[str, str]) -> None:
-    assert str(program) not in failures, failures[str(program)]
+    failure = failures.get(str(program), "")
+    if absent := [room for room in satellites.MISSING if f"No module named 's2a.{room}" in failure]:
+        pytest.skip(f"needs s2a.{absent[0]}")
+    assert not failure, failure

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import pytest
+import satellites
 
 from s2a.commands import cli
 from s2a.core import bounds, config
@@ -65,6 +66,7 @@ IMPOSSIBLE = {
 def test_an_impossible_value_is_named_with_its_key_and_what_is_possible(
     command: str, key: str, value: str, possible: str
 ):
+    satellites.need(command)
     required = [f"{k}=given" for k, given in config.leaves(config.compose(command)) if given == config.REQUIRED]
     with pytest.raises(InputError) as error:
         config.load(

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 from closeness import surface_distance
-from seen_handles import FRAME, PLANE, block, knob, outside, ring_behind, seen, turned_knob
+from seen_handles import FRAME, PLANE, block, cup, edge, knob, outside, ring_behind, seen, turned_knob
 
-from s2a.homes.grips import cup, edge
 from s2a.prepare.part_hulls import Handle, flatten
 from s2a.scene.geometry.bar import bar_depth, bar_hulls, bar_profile
 from s2a.scene.geometry.front_panel import FingerSpace, fraction_inside, reassign_border
@@ -145,7 +144,7 @@ def test_a_square_handle_is_no_knob() -> None:
 
 
 def test_a_cup_is_a_sheet_that_is_open_below_and_empty_inside() -> None:
-    region = outside(cup(0.1, 0.04, 0.028))
+    region = outside(cup())
     opening = sheet_opening(region, FRAME, PLANE, block((-0.02, -0.3, -0.1), (0.0, 0.3, 0.1)))
     assert opening == pytest.approx([0.0, 0.0, -1.0], abs=1e-6)
     pieces = sheet_hulls(region, FRAME, opening, 12, 32)
@@ -155,7 +154,7 @@ def test_a_cup_is_a_sheet_that_is_open_below_and_empty_inside() -> None:
 
 
 def test_an_edge_pull_is_a_sheet_that_is_open_towards_its_front() -> None:
-    region = outside(edge(0.3))
+    region = outside(edge())
     opening = sheet_opening(region, FRAME, PLANE, block((-0.02, -0.3, -0.2), (0.0, 0.3, 0.0)))
     assert opening == pytest.approx([0.0, 0.0, -1.0], abs=1e-6)
     pieces = sheet_hulls(region, FRAME, opening, 12, 32)
@@ -164,7 +163,7 @@ def test_an_edge_pull_is_a_sheet_that_is_open_towards_its_front() -> None:
 
 
 def test_an_edge_pull_whose_wall_no_scanner_saw_is_fixed_to_its_front() -> None:
-    whole = trimesh.Trimesh(edge(0.3).surface.vertices, edge(0.3).surface.faces).subdivide_to_size(0.002)
+    whole = edge().subdivide_to_size(0.002)
     mesh = seen(Mesh(whole.vertices, whole.faces))
     opening = np.array([0.0, 0.0, -1.0])
     wall = hidden_wall(keep(mesh, normals(mesh)[:, 2] < 0.5), FRAME, opening, 0.0)

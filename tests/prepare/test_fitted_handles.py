@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from seen_handles import FRAME, PLANE, block, knob, noisy, outside, pull, ring_behind, turned_knob
+from seen_handles import FRAME, PLANE, block, cup, knob, noisy, outside, pull, ring_behind, turned_knob
 
-from s2a.homes.grips import cup
 from s2a.scene.geometry.front_panel import facing_frame, fraction_inside, patch
 from s2a.scene.geometry.knob import knob_hulls
 from s2a.scene.geometry.mesh_ops import merge
@@ -60,7 +59,7 @@ def test_a_lip_ends_where_its_skirt_begins() -> None:
 def test_a_bowed_sheet_and_a_cup_are_none_that_is_straight() -> None:
     opening = np.array([0.0, 0.0, -1.0])
     assert straight_sheet(pull(lift=0.02), FRAME, opening, 0.0, None) is None
-    assert straight_sheet(outside(cup(0.1, 0.04, 0.028)), FRAME, opening, 0.0, None) is None
+    assert straight_sheet(outside(cup()), FRAME, opening, 0.0, None) is None
 
 
 def test_a_piece_of_front_behind_a_handle_ends_with_it_where_the_front_does() -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import trimesh
 
-from s2a.homes.grips import edge
 from s2a.scene.geometry.mesh_ops import keep, merge, normals
 from s2a.scene.scene import Mesh
 
@@ -51,9 +52,29 @@ def ring_behind(inner: float, outer: float, depth: float) -> np.ndarray:
     return np.stack([random.uniform(0, depth, 4000), radius * np.cos(turn), radius * np.sin(turn)], axis=1)
 
 
-def outside(piece: object) -> Mesh:
+def edge() -> trimesh.Trimesh:
+    """Return an edge pull, 0.3 m long: a sheet that stands 20 mm out from a front and bends down by 14 mm."""
+    spans = (((-0.012, 0.02), (-0.15, 0.15), (0.0, 0.002)), ((0.02 - 0.002, 0.02), (-0.15, 0.15), (-0.014, 0.0)))
+    corners = np.concatenate([list(itertools.product(*span)) for span in spans])
+    quads = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
+    faces = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    return trimesh.Trimesh(corners, np.concatenate([faces, faces + 8]))
+
+
+def cup() -> trimesh.Trimesh:
+    """Return a cup pull of 100 x 40 x 28 mm: half a bowl, 2 mm thick, open below, its upper rim at z = 0 on the front."""
+    across, up = np.meshgrid(np.linspace(0, np.pi, 17), np.linspace(0, np.pi / 2, 7), indexing="ij")
+    bowl = np.stack([np.sin(across) * np.cos(up), np.cos(across), np.sin(across) * np.sin(up)], axis=-1).reshape(-1, 3)
+    index = np.arange(17 * 7).reshape(17, 7)
+    a, b, c, d = (x.ravel() for x in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    outer, inner = (bowl * np.subtract((0.028, 0.05, 0.04), thick) - (0, 0, 0.04) for thick in (0.0, 0.002))
+    return trimesh.Trimesh(outer, faces) + trimesh.Trimesh(inner, faces[:, ::-1])
+
+
+def outside(sheet: trimesh.Trimesh) -> Mesh:
     """Return what is seen of a sheet from the room, above it."""
-    solid = trimesh.Trimesh(piece.surface.vertices, piece.surface.faces).subdivide_to_size(0.004)  # type: ignore[attr-defined]
+    solid = sheet.subdivide_to_size(0.004)
     mesh = Mesh(solid.vertices, solid.faces)
     return keep(mesh, normals(mesh) @ [0.8, 0.0, 0.6] > 0.05)
 
@@ -67,7 +88,7 @@ def noisy(mesh: Mesh, sigma: float, seed: int = 0) -> Mesh:
 
 def pull(lift: float = 0.0, skirt: bool = False) -> Mesh:
     """Return an edge pull as seen: a lip of 14 mm before its front, a wall above it, bowed by a lift in its middle [m]."""
-    whole = trimesh.Trimesh(edge(0.3).surface.vertices, edge(0.3).surface.faces).subdivide_to_size(0.002)
+    whole = edge().subdivide_to_size(0.002)
     mesh = Mesh(whole.vertices, whole.faces)
     region = keep(mesh, (normals(mesh)[:, 0] > 0.5) | (normals(mesh)[:, 2] > 0.5))
     region = keep(region, region.vertices[region.faces][:, :, 0].min(axis=1) > 0.0)

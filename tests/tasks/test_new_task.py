@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import satellites
 import torch
 import warp as wp
 from cabinet import write_cabinet
@@ -80,6 +81,7 @@ def test_the_observation_is_named_column_by_column(env: VecEnv) -> None:
 
 
 def test_a_sentence_asks_for_it(room: Path, tmp_path: Path) -> None:
+    satellites.need("do")
     out = tmp_path / "do.json"
     keys = [f"stage={room}", f"out={out}", f"tasks=[{EXAMPLE}]", "llm=rules", "plan_only=true"]
     assert cli.main(["do", "hold open the drawer, then close it", *keys]) == 0
@@ -111,6 +113,7 @@ def test_the_planner_does_it_and_it_can_be_collected_and_played_again(room: Path
 
 @pytest.mark.slow
 def test_it_is_done_as_a_sentence_says(room: Path, tmp_path: Path) -> None:
+    satellites.need("do")
     out = tmp_path / "do.json"
     keys = [f"stage={room}", f"out={out}", f"tasks=[{EXAMPLE}]", "llm=rules", *SLIDE]
     assert cli.main(["do", "hold open the drawer", *keys]) == 0

@@ -13,7 +13,7 @@ import numpy as np
 from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.existing import Existing
 from s2a.annotate.surface import ADDED, SplitSurface, connected
-from s2a.scan import folder, ply, predictions
+from s2a.scan import folder, ply, predictions, recording
 from s2a.scan.folder import BareFiles
 from s2a.scan.formats import articulate3d
 from s2a.scan.imported import SOURCE_FACES
@@ -174,6 +174,7 @@ def write(annotation: Draft, scan: BareScan, out: Path, existing: Existing | Non
         write_ply(out / folder.MESH, surface.mesh())
         np.save(out / SOURCE_FACES, _first_source(surface, existing).astype(np.int32))
         _write_segments(scan.files, surface, len(scan.mesh.vertices), out)
+    recording.copy_keyframes(scan.files.mesh.parent, out, origin - scan.mesh.origin)
     if existing:
         existing.write(out, surface, items, origin, same)
     else:

@@ -214,6 +214,7 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
         out.mkdir()
         for file, name in ((files.mesh, folder.MESH), *_segments(files)):
             shutil.copyfile(file, out / name)
+        recording.copy_keyframes(files.mesh.parent, out)
         predicted.write(out, files.name, kept)
         written = {"scan": str(scan), "predictions": str(predictions), "found": len(found), "kept": len(kept)}
         written |= {} if box is None else {"box": str(box)}

@@ -16,7 +16,7 @@ from s2a.core.outputs import atomic_write, require_png
 from s2a.core.progress import report
 from s2a.scan.visuals import Visible, tree, visible
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
-from s2a.scene.geometry.mesh_ops import painted
+from s2a.scene.geometry.mesh_ops import merge, painted
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import ENCODINGS
 from s2a.view.page import cards
@@ -47,6 +47,10 @@ class Config:
         html: file to write with the page as a recording in which every joint opens once, or null.
         max_faces: of the surfaces on the page; beyond, neighbouring vertices are merged. null: all, and 320,000 in the file.
         part: id of the part at the centre of the image or page, or null for the whole room.
+        photo: edge of a pixel [m] of an orthophoto, which the image then is: the part, or the rectangle, square on, from the
+            photos that a scan of a recording keeps; null: a rendering.
+        rectangle: upright rectangle of the orthophoto: centre x, y, z [m], the angle of its normal about z [rad], width and
+            height [m]; null: that around the part.
         colliders: Render the collision hulls instead of the surfaces, each in its own colour, in the image.
         camera: intrinsics and framing of the image; those of the page where it begins.
     """
@@ -62,6 +66,8 @@ class Config:
     html: Path | None
     max_faces: Count | None
     part: str | None
+    photo: Annotated[float, AtLeast(0.0005, 0.1)] | None
+    rectangle: tuple[float, float, float, float, float, float] | None
     colliders: bool
     camera: OrbitCamera
 
@@ -87,7 +93,8 @@ def run(config: Config) -> str:
         room = replace(_page_room(config), notes=noted).with_inserted(inserted)
     said = []
     if config.image:
-        said.append(_image(visible(config.path), config, config.image))
+        draw = _orthophoto if config.photo else _image
+        said.append(draw(visible(config.path), config, config.image))
     if room and config.html:
         said.append(_recording(room, config, config.html))
     if config.text or (config.text is None and not config.image and not room):
@@ -126,6 +133,12 @@ def _play(config: Config, stage: Path) -> str:
 
 def _refuse_keys(config: Config) -> None:
     """Raise an InputError for a key that would change nothing, or a file of another kind."""
+    if config.rectangle and not config.photo:
+        raise InputError("key 'rectangle' applies to an orthophoto, and none is requested; give photo=0.002")
+    if config.photo and (not config.image or config.colliders or bool(config.part) == bool(config.rectangle)):
+        raise InputError(
+            "key 'photo' needs image=FILE.png and either part=ID or rectangle=[x,y,z,yaw,width,height], without colliders"
+        )
     if config.colliders and not config.image:
         raise InputError("key 'colliders' applies to an image, and none is requested; give image=FILE.png")
     if config.html and config.html.suffix.lower() not in (".html", ".htm"):
@@ -187,6 +200,28 @@ def _image(scene: Visible, config: Config, path: Path) -> str:
     with atomic_write(path) as room:
         write_png(render(meshes, view, config.camera), room)
     return f"{path}: {config.camera.width} x {config.camera.height} pixels of {config.part or scene.name}"
+
+
+def _orthophoto(scene: Visible, config: Config, path: Path) -> str:
+    # Loads Warp, which the tree does not need.
+    from s2a.scan import orthophoto
+    from s2a.scene.geometry.render import write_png
+
+    keyframes = orthophoto.read_keyframes(config.path)
+    pixel = config.photo
+    assert pixel is not None
+    if config.rectangle:
+        *center, yaw, width, height = config.rectangle
+        if min(width, height) <= 0:
+            raise InputError(f"key 'rectangle' is {list(config.rectangle)}; its width and height must be above 0")
+        rectangle = orthophoto.upright(center, yaw, (width, height))
+    else:
+        rectangle = orthophoto.around(merge(scene.part(str(config.part))))
+    photo = orthophoto.orthophoto(keyframes, rectangle, merge(list(scene.surfaces.values())), pixel)
+    with atomic_write(path) as file:
+        write_png(photo.image, file)
+    size = f"{photo.image.shape[1]} x {photo.image.shape[0]} pixels of {1000 * pixel:g} mm"
+    return f"{path}: {size} from {len(photo.used)} of {len(keyframes)} photos; {100 * photo.seen.mean():.0f} % are seen"
 
 
 def _camera_pose(shown: list[Mesh], jointed: list[Mesh], config: Config) -> CameraPose:

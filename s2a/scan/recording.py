@@ -280,6 +280,21 @@ def write_keyframes(
     (target / KEYFRAME_LIST).write_text(json.dumps({"frames": records}, indent=1), encoding="utf-8")
 
 
+def copy_keyframes(folder: Path, out: Path, shift: np.ndarray | None = None) -> None:
+    """Copy the keyframes of a scan's folder, where it has any, into another; poses are moved by a shift [m], shape [3]."""
+    if not (folder / KEYFRAMES / KEYFRAME_LIST).is_file():
+        return
+    shutil.copytree(folder / KEYFRAMES, out / KEYFRAMES)
+    if shift is None or not shift.any():
+        return
+    path = out / KEYFRAMES / KEYFRAME_LIST
+    data = json.loads(path.read_text(encoding="utf-8"))
+    for frame in data["frames"]:
+        for row, by in zip(frame["camera_to_scan"], shift.tolist(), strict=False):
+            row[3] += by
+    path.write_text(json.dumps(data, indent=1), encoding="utf-8")
+
+
 def _write_jpeg(color: np.ndarray, path: Path) -> None:
     from PIL import Image  # of the extra sim
 

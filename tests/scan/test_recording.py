@@ -13,7 +13,7 @@ import pytest
 import recordings
 
 from s2a.core.errors import InputError
-from s2a.scan import recording, recording_formats
+from s2a.scan import orthophoto, recording, recording_formats
 from s2a.scene.geometry.depth_fusion import DepthFusion, Image, measured_points
 from s2a.scene.scene import Mesh
 
@@ -310,3 +310,23 @@ def test_exr_images_are_refused(tmp_path: Path) -> None:
     (tmp_path / "metadata.json").write_text("{}")
     with pytest.raises(InputError, match="EXR"):
         recording_formats.read(tmp_path)
+
+
+def test_copied_keyframes_move_with_the_scan(tmp_path: Path) -> None:
+    walk = recording_formats.read(recordings.stray(tmp_path / "walk", 6))
+    for name in ("scan", "copy", "bare", "same"):
+        (tmp_path / name).mkdir()
+    to_scan = np.diag([2.0, 2.0, 2.0, 1.0])
+    to_scan[:3, 3] = [1, 2, 3]
+    recording.write_keyframes(tmp_path / "scan", walk, [1, 4], to_scan, np.ones(6))
+    recording.copy_keyframes(tmp_path / "scan", tmp_path / "copy", np.array([0.5, 0.0, -1.0]))
+    one, two = (orthophoto.read_keyframes(tmp_path / name) for name in ("scan", "copy"))
+    for index, before, after in zip((1, 4), one, two, strict=True):
+        pose = walk.frames[index].pose
+        assert before.pose[:3, :3] == pytest.approx(pose[:3, :3]) and before.image.suffix == ".jpg"
+        assert before.pose[:3, 3] == pytest.approx(2 * pose[:3, 3] + [1, 2, 3])
+        assert after.pose - before.pose == pytest.approx(np.array([[0, 0, 0, 0.5], [0] * 4, [0, 0, 0, -1], [0] * 4]))
+        truth = recordings.image(recordings.poses(6)[index], recordings.LARGE)[1]
+        assert np.abs(np.asarray(PIL.Image.open(after.image)).astype(int) - truth).mean() < 5
+    recording.copy_keyframes(tmp_path / "bare", tmp_path / "same")
+    assert not list((tmp_path / "same").iterdir())

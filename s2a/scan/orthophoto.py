@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import warp as wp
 from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from s2a.core.errors import InputError
 from s2a.scan.recording import KEYFRAME_LIST, KEYFRAMES, Intrinsics
 from s2a.scene.geometry.mesh_ops import centroids, normals
-from s2a.scene.geometry.mesh_query import ray_mesh
+from s2a.scene.geometry.mesh_query import RayMesh, hidden_from, ray_mesh
 from s2a.scene.geometry.planes import fit_plane, plane_axes
 from s2a.scene.scene import Mesh
 
@@ -244,7 +243,7 @@ def _merged(
 
 
 def _score(
-    frame: Keyframe, cells: np.ndarray, rectangle: Rectangle, pixel: float, typical: float, tree: wp.Mesh | None
+    frame: Keyframe, cells: np.ndarray, rectangle: Rectangle, pixel: float, typical: float, tree: RayMesh | None
 ) -> np.ndarray:
     """Return how well a photo shows some places [row column 3]: 0 where it does not, shape [row column]."""
     eye = frame.pose[:3, 3]
@@ -256,26 +255,12 @@ def _score(
     inside = (columns >= _BORDER) & (rows >= _BORDER) & (columns < width - _BORDER) & (rows < height - _BORDER)
     shown = inside & (ahead > 0.1) & (cosine > _STEEP)
     if tree is not None and shown.any():
-        hidden = np.zeros(int(shown.sum()), np.int32)
         start = cells[shown] + (_CLEAR / cosine[shown] / distance[shown])[:, None] * towards[shown]
-        outputs = [wp.array(hidden, dtype=int, device="cpu", copy=False)]
-        inputs = [tree.id, wp.array(start.astype(np.float32), dtype=wp.vec3, device="cpu"), wp.vec3(*eye.tolist())]
-        wp.launch(_hide, dim=len(hidden), inputs=inputs, outputs=outputs, device="cpu")
-        shown[shown] = hidden == 0
+        shown[shown] = ~hidden_from(tree, start, eye)
     # Pixels of the photo across one of the orthophoto, of use up to two; a steep view has fewer.
     detail = np.minimum(frame.camera.fx * pixel / np.maximum(distance, 1e-3), 2.0)
     sharp = np.clip(np.sqrt(frame.sharpness / max(typical, 1e-9)), 0.5, 1.5)
     return np.where(shown, np.maximum(cosine, 0.0) ** 1.5 * detail * sharp, 0.0)
-
-
-@wp.kernel
-def _hide(mesh: wp.uint64, starts: wp.array(dtype=wp.vec3), eye: wp.vec3, hidden: wp.array(dtype=int)):
-    tid = wp.tid()
-    ray = eye - starts[tid]
-    length = wp.length(ray)
-    hit = wp.mesh_query_ray(mesh, starts[tid], ray / length, length)
-    if hit.result:
-        hidden[tid] = 1
 
 
 def _pixels(frame: Keyframe, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ import sys
 def main() -> int:
     """Run the command line; an interrupt while it is imported, which takes half a second, is one line, too."""
     try:
-        from s2a.commands import cli
+        from s2a.commands import cli  # here, so that an interrupt meanwhile is caught
 
         return cli.main()
     except KeyboardInterrupt:

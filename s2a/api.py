@@ -82,7 +82,7 @@ def insert(
     Raises:
         InputError: no place was found, no usable answer, or bad input; nothing is written.
     """
-    with errors.required():
+    with errors.required():  # imports of an extra, here and below: `s2a.api` itself loads none
         from s2a.language.insert.batch import insert_all
         from s2a.language.insert.settings import InsertSettings
 

@@ -235,7 +235,7 @@ def foundation(path: Path, config: FoundationConfig) -> list[Check]:
 @functools.cache
 def _validator() -> Any:
     """Import the validator and load the installed rules, which takes seconds."""
-    import simready.validate as validate
+    import simready.validate as validate  # of the extra "simready", which is rarely there
 
     validate.initialize(rules_and_requirements_paths=[], features_paths=[], profiles_paths=[])
     return validate

@@ -1,9 +1,7 @@
-"""Validation reports as JSON, an HTML page, a table, and images of scan and colliders."""
+"""Validation reports as JSON, a table, and images of scan and colliders."""
 
 from __future__ import annotations
 
-import base64
-import html
 import io
 import itertools
 import json
@@ -23,14 +21,6 @@ from s2a.scene.geometry.mesh_ops import painted
 from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
-
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 76em; color: #222 }
-table { border-collapse: collapse; width: 100% } td, th { text-align: left; padding: .25em .8em; vertical-align: top }
-tr { border-bottom: 1px solid #ddd } td.number { text-align: right; white-space: nowrap }
-.pass { color: #187a2f } .fail { color: #b3261e; font-weight: 600 } .info, .skipped { color: #777 }
-figure { display: inline-block; margin: 0 .6em 1em 0 } img { width: 24em; max-width: 100%; border: 1px solid #ddd }
-"""
 
 
 def to_json(results: Sequence[ValidationReport]) -> str:
@@ -68,45 +58,6 @@ def kept(
     return earlier if same and [c.target for c in earlier] == list(parts) else None
 
 
-def to_html(results: Sequence[ValidationReport], images: Mapping[str, Mapping[str, np.ndarray]]) -> str:
-    """Return a page that stands alone.
-
-    Args:
-        results: reports of the parts of one stage.
-        images: RGB images [row column 3], uint8, by their captions, of each part.
-    """
-    names = ", ".join(c.target for c in results) or "no articulated part"
-    good = sum(c.passed for c in results)
-    title = html.escape(f"{names}: {good} of {len(results)} passed" if len(results) > 1 else _title(results[0]))
-    sections = "".join(_section(c, images.get(c.target, {}), len(results) > 1) for c in results)
-    first = results[0]
-    source = html.escape(f"{first.stage}, SHA-256 {first.sha256}; {first.provenance}")
-    overview = f"<pre>{html.escape(table(results))}</pre>" if len(results) > 1 else ""
-    return (
-        f"<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title><style>{STYLE}</style>"
-        f"<h1>{title}</h1>{overview}{sections}<p><small>{source}</small></p></html>\n"
-    )
-
-
-def _section(result: ValidationReport, images: Mapping[str, np.ndarray], titled: bool) -> str:
-    """Return the section of one part."""
-    figures = "".join(
-        f"<figure><img src='{_embedded(image)}' alt=''><figcaption>{html.escape(caption)}</figcaption></figure>"
-        for caption, image in images.items()
-    )
-    rows = "".join(_row(check) for check in result.checks)
-    title = f"<h2>{html.escape(_title(result))}</h2>" if titled else ""
-    return (
-        f"{title}<p>{html.escape(grip(result))}; {result.seconds:.1f} s</p>{figures}"
-        f"<table><tr><th>check<th><th>measured<th>bound<th>prim<th>message<th>remedy</tr>{rows}</table>"
-    )
-
-
-def _title(result: ValidationReport) -> str:
-    verdict = "passed" if result.passed else f"failed: {', '.join(c.name for c in result.failed)}"
-    return f"{result.target or Path(result.stage).name}: {verdict}"
-
-
 def grip(result: ValidationReport) -> str:
     """Return in words whether a parallel gripper can hold the part."""
     words = {True: "graspable", False: "not graspable by a parallel gripper", None: "grasp not tested"}
@@ -141,23 +92,11 @@ def number(check: Check) -> str:
     return "" if check.value is None else f"{check.value:.4g} {check.unit}".strip()
 
 
-def _row(check: Check) -> str:
-    """Return one check as a row of the page's table."""
-    bound = "" if check.bound is None else f"{check.bound:.4g} {check.unit}".strip()
-    cells = [check.prim, check.message, check.remedy]
-    return (
-        f"<tr><td>{html.escape(check.name)}<td class='{check.status}'>{check.status}"
-        f"<td class=number>{html.escape(number(check))}<td class=number>{html.escape(bound)}"
-        + "".join(f"<td>{html.escape(cell)}" for cell in cells)
-        + "</tr>"
-    )
-
-
-def _embedded(image: np.ndarray) -> str:
-    """Return an image as a data address."""
+def png(image: np.ndarray) -> bytes:
+    """Return an RGB image [row column 3], uint8, as a PNG file."""
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, format="PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    return buffer.getvalue()
 
 
 TARGET = ((230, 120, 40), (250, 170, 60), (205, 90, 60), (245, 140, 100))

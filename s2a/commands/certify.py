@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,13 +11,14 @@ from s2a.certify import contents, report
 from s2a.certify.check import ValidationReport
 from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.certify.contents import STRUCTURE
-from s2a.certify.report import images
+from s2a.certify.report import images, png
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.outputs import atomic_write, refuse_loss
 from s2a.core.provenance import provenance
 from s2a.robot import Robot
 from s2a.scene.geometry.camera import OrbitCamera
 from s2a.scene.usd.stamp import content_hash, files, write_stamp
+from s2a.view.report.results import validation_report
 
 RECORD = "report.json"
 
@@ -80,9 +82,17 @@ def _write(config: Config) -> list[ValidationReport]:
     with atomic_write(config.out, earlier=RECORD) as out:
         results = certify(config.stage, config.certify, config.part, config.robot.name)
         out.mkdir()
-        shown = {c.target: images(config.stage, c.target, config.camera) for c in results if _readable(c)}
-        (out / RECORD).write_text(report.to_json(results))
-        (out / "report.html").write_text(report.to_html(results, shown))
+        shown = {
+            c.target: [
+                (caption, png(image)) for caption, image in images(config.stage, c.target, config.camera).items()
+            ]
+            for c in results
+            if _readable(c)
+        }
+        record = report.to_json(results)
+        (out / RECORD).write_text(record)
+        page = validation_report(json.loads(record), config.stage, shown)
+        (out / "report.html").write_text(page.html())
     return results
 
 

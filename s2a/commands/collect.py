@@ -125,10 +125,10 @@ def run(config: Config) -> str:
 def format_of(name: Format) -> type[Dataset]:
     """Return what writes a format, whose library is imported only then."""
     if name == "robomimic":
-        from s2a.learn.collect.robomimic import Robomimic
+        from s2a.learn.collect.robomimic import Robomimic  # h5py is of the extra "collect"
 
         return Robomimic
-    from s2a.learn.collect.lerobot import LeRobot
+    from s2a.learn.collect.lerobot import LeRobot  # pyarrow and av are of the extra "collect"
 
     return LeRobot
 

@@ -50,7 +50,7 @@ def _warn(config: Config, scene: Scene) -> None:
     """Log what the surface says against the annotation."""
     try:
         with errors.required():
-            from s2a.scan.evidence import annotation
+            from s2a.scan.evidence import annotation  # of the extra "sim", without which a scan is exported unchecked
     except InputError as missing:
         _log.warning("the annotation is not checked against the surface: %s", missing)
         return

@@ -85,6 +85,6 @@ def _count(dataset: Path) -> int:
     info = dataset / "meta/info.json"
     if info.is_file():
         return int(json.loads(info.read_text())["total_episodes"])
-    from s2a.learn.collect.robomimic import INDEX, lengths
+    from s2a.learn.collect.robomimic import INDEX, lengths  # h5py, which LeRobot's datasets do without
 
     return len(lengths(dataset / INDEX))

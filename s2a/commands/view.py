@@ -168,7 +168,7 @@ def _serve(room: PageRoom, config: Config) -> None:
 
 
 def _recording(room: PageRoom, config: Config, path: Path) -> str:
-    from s2a.view.page.serve import write
+    from s2a.view.page.serve import write  # viser is of the extra "view"
 
     total, room = room.faces, thinned(room, config.max_faces or FILE_FACES)
     with atomic_write(path) as file:

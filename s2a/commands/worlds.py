@@ -49,8 +49,7 @@ class WorldsConfig:
         """Read the stages of all parts; InputError as for one, or where a pool is to have one part."""
         kind = tasks.task(self.task.name)
         where = (self.stage, self.part, self.robot.name, self.also)
-        stages = tasks.read_stages(kind, *where, self.task, self.planner)
-        return stages
+        return tasks.read_stages(kind, *where, self.task, self.planner)
 
     def read_stage(self) -> SimStage:
         """Read the stage; InputError for a wrong or unphysical one, or a robot that was changed on the command line."""

@@ -44,7 +44,7 @@ def free_motion(
     if free(direct).all():
         return direct
     try:
-        from ompl import base, geometric, util
+        from ompl import base, geometric, util  # most motions are direct, and do without
     except ImportError as error:
         raise InputError("planning around obstacles needs OMPL; install the extra: pip install 's2a[sim]'") from error
     # OMPL complains of a seed after its first number; all that draws in this search is made after it, so it holds.

@@ -81,7 +81,7 @@ class Kinematics:
         n = len(targets)
         if n == 0:
             return start.copy(), np.zeros(0)
-        import newton.ik as ik
+        import newton.ik as ik  # seconds to load, which what only reads a robot does without
 
         model, body = self._ik_model
         with wp.ScopedDevice("cpu"):

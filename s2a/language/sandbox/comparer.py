@@ -29,7 +29,7 @@ def main(descriptor: int) -> None:
 
 def _compare(task: dict[str, Any], geometry_free_text: str) -> tuple[dict[str, Any], bytes]:
     """Return the report and, in USD's text, the layer."""
-    from s2a.language.sandbox.diff import Placement, compare
+    from s2a.language.sandbox.diff import Placement, compare  # loads USD, which the jail's parent does without
     from s2a.language.sandbox.operations import PolicyViolation
 
     try:

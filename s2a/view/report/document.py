@@ -114,11 +114,20 @@ def images(files: Iterable[Path]) -> str:
     Raises:
         InputError: a file that is no image that browsers show, or one too large for a page.
     """
-    figures = (
-        f"<figure><img src='{_embedded(file)}' alt='{text(file.stem)}'><figcaption>{text(file.stem)}</figcaption></figure>"
-        for file in files
+    return figures((file.stem, _image(file)) for file in files)
+
+
+def figures(shown: Iterable[tuple[str, bytes]]) -> str:
+    """Return images, embedded, with their captions below; nothing where there is none.
+
+    Args:
+        shown: caption in plain text, and the bytes of a PNG, JPEG, WebP or GIF file, of each.
+    """
+    each = "".join(
+        f"<figure><img src='{_data(_kind(data), data)}' alt='{text(caption)}'><figcaption>{text(caption)}</figcaption></figure>"
+        for caption, data in shown
     )
-    return f"<div class='grid'>{''.join(figures)}</div>"
+    return f"<div class='grid'>{each}</div>" if each else ""
 
 
 def videos(films: Iterable[tuple[str, bytes]]) -> str:
@@ -135,20 +144,24 @@ def videos(films: Iterable[tuple[str, bytes]]) -> str:
     return f"<div class='grid'>{''.join(figures)}</div>"
 
 
-def _data(kind: str, data: bytes) -> str:
+def _data(kind: str | None, data: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(data).decode()}"
 
 
-def _embedded(file: Path) -> str:
+def _kind(data: bytes) -> str | None:
+    """Return the media type of an image file; None for anything else."""
+    return next((kind for magic, kind in MAGIC.items() if data.startswith(magic)), None)
+
+
+def _image(file: Path) -> bytes:
     if (size := file.stat().st_size) > MAX_IMAGE:
         raise InputError(
             f"{file}: {size / 1e6:.0f} MB are too large for a page; give an image below {MAX_IMAGE / 1e6:.0f} MB"
         )
     data = file.read_bytes()
-    kind = next((kind for magic, kind in MAGIC.items() if data.startswith(magic)), None)
-    if kind is None:
+    if _kind(data) is None:
         raise InputError(f"{file}: not an image; give PNG, JPEG, WebP or GIF files")
-    return _data(kind, data)
+    return data
 
 
 WIDTH, HEIGHT = 640, 300

@@ -167,18 +167,33 @@ BAR = 120
 """[px] Of a bar that reaches its bound."""
 
 
-def validation_report(values: Mapping[str, Any], path: Path) -> Document:
-    """Return the page of a report.json."""
+def validation_report(
+    values: Mapping[str, Any], path: Path, shown: Mapping[str, Sequence[tuple[str, bytes]]] | None = None
+) -> Document:
+    """Return the page of a report.json.
+
+    Args:
+        values: what it holds.
+        path: names the page where it has no report.
+        shown: captions and image files of each part, above its checks.
+    """
     reports = values["reports"]
     good = sum(bool(each["passed"]) for each in reports)
     verdicts = [_status("pass" if each["passed"] else "fail") for each in reports]
-    overview = [(e["target"], verdict, _grip(e), _failed(e)) for e, verdict in zip(reports, verdicts, strict=True)]
-    sections = [("Parts", table(("part", "verdict", "a parallel gripper", "failed checks"), overview))]
+    overview = [
+        (e["target"], verdict, _grip(e), _failed(e), e.get("seconds"))
+        for e, verdict in zip(reports, verdicts, strict=True)
+    ]
+    sections = [("Parts", table(("part", "verdict", "a parallel gripper", "failed checks", "seconds"), overview))]
     for each in reports:
-        header = ("check", "", "measured", "bound", "of the bound", "message", "remedy")
-        sections.append((each["target"] or "stage", table(header, [_row(check) for check in each["checks"]])))
+        header = ("check", "", "measured", "bound", "of the bound", "prim", "message", "remedy")
+        figures = document.figures((shown or {}).get(each["target"], ()))
+        checks = table(header, [_row(check) for check in each["checks"]])
+        sections.append((each["target"] or "stage", figures + checks))
     stage = Path(reports[0]["stage"]).name if reports else path.parent.name
     about = provenance(reports[0].get("provenance") or {}) if reports else ""
+    if reports and (sha256 := reports[0].get("sha256")):
+        about = f"{reports[0]['stage']}, SHA-256 {sha256}; {about}"
     return Document(f"{stage}: {good} of {len(reports)} parts passed", about, tuple(sections))
 
 
@@ -187,7 +202,15 @@ def _row(check: Mapping[str, Any]) -> tuple[object, ...]:
         None if check[key] is None else f"{check[key]:.4g} {check['unit']}".strip() for key in ("value", "bound")
     ]
     cells = [Markup(text(number or ""), "n") for number in numbers]
-    return check["name"], _status(check["status"]), *cells, _bar(check), check["message"], check["remedy"]
+    return (
+        check["name"],
+        _status(check["status"]),
+        *cells,
+        _bar(check),
+        check["prim"],
+        check["message"],
+        check["remedy"],
+    )
 
 
 def _bar(check: Mapping[str, Any]) -> Markup:
@@ -301,7 +324,7 @@ def of_folder(folder: Path) -> Run:
     if (folder / METRICS).is_file():
         return of_metrics(json.loads((folder / METRICS).read_text()), folder.name, settings)
     with errors.required():
-        from s2a.learn.rl import run_folder
+        from s2a.learn.rl import run_folder  # of the extra "learn", which only a run that was cut needs
 
         rows, starts = run_folder.curve(folder), run_folder.starts(folder)
     steps = settings["num_envs"] * settings["ppo"]["num_steps_per_env"]

@@ -122,10 +122,10 @@ def _import_frames(config: Config, folder: Path) -> str:
         require_png(config.image)
     walk = recording_formats.read(folder, config.color_camera)
     try:
-        doubt = recording.check(walk)
+        doubts = [recording.check(walk), recording.check_color(walk)]
     except InputError as error:
         raise InputError(f"{folder}: {error}") from error
-    if doubt:
+    for doubt in filter(None, doubts):
         _log.warning("%s: %s", folder, doubt)
     surface, sharp = _fused(walk, config)
     done = imported.place(

@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from s2a.core.errors import InputError
 from s2a.scan.recording import KEYFRAME_LIST, KEYFRAMES, Intrinsics
 from s2a.scene.geometry.mesh_ops import centroids, normals
-from s2a.scene.geometry.mesh_query import RayMesh, hidden_from, ray_mesh
+from s2a.scene.geometry.mesh_query import RayMesh, first_hits, ray_mesh
 from s2a.scene.geometry.planes import fit_plane, plane_axes
 from s2a.scene.scene import Mesh
 
@@ -256,7 +256,9 @@ def _score(
     shown = inside & (ahead > 0.1) & (cosine > _STEEP)
     if tree is not None and shown.any():
         start = cells[shown] + (_CLEAR / cosine[shown] / distance[shown])[:, None] * towards[shown]
-        shown[shown] = ~hidden_from(tree, start, eye)
+        rays = eye - start
+        length = np.linalg.norm(rays, axis=1)
+        shown[shown] = first_hits(tree, start, rays / length[:, None]) > length
     # Pixels of the photo across one of the orthophoto, of use up to two; a steep view has fewer.
     detail = np.minimum(frame.camera.fx * pixel / np.maximum(distance, 1e-3), 2.0)
     sharp = np.clip(np.sqrt(frame.sharpness / max(typical, 1e-9)), 0.5, 1.5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -211,6 +211,44 @@ def check(recording: RgbdRecording) -> str | None:
     return None
 
 
+def check_color(recording: RgbdRecording) -> str | None:
+    """Return a doubt where frames agree better in colour if depth is registered to it, though that is not stated; or None."""
+    if recording.registered:
+        return None
+    stated, registered = [], []
+    for one, two in _partners(recording):
+        if one.color is None or two.color is None:
+            continue
+        x, y, near = _Pair.of(recording, one, two).matched(lambda pose: pose, _CLOSE)
+        greys = [picture.load()[..., :3].mean(axis=2) for picture in (one.color, two.color)]
+        for move, cameras, differences in (
+            (recording.color_from_depth, (one.color_camera, two.color_camera), stated),
+            (np.eye(4), (one.depth_camera, two.depth_camera), registered),
+        ):
+            levels = [
+                _sampled(grey, points[near] @ move[:3, :3].T + move[:3, 3], camera)
+                for grey, points, camera in zip(greys, (x, y), cameras, strict=True)
+            ]
+            both = levels[0] - levels[1]
+            both = both[np.isfinite(both)]
+            if len(both) >= 100:
+                differences.append(float(np.abs(both - np.median(both)).mean()))
+    if len(stated) < 3 or len(registered) < 3 or np.mean(registered) > 0.9 * np.mean(stated):
+        return None
+    camera = ",".join(f"{number:g}" for number in (*astuple(recording.frames[0].depth_camera), 0, 0, 0))
+    return f"colours agree better as if depth were registered to them; if it is, give color_camera=[{camera}]"
+
+
+def _sampled(image: np.ndarray, points: np.ndarray, camera: Intrinsics) -> np.ndarray:
+    """Return the levels of an image at points in its camera's coordinates [m], shape [point]; NaN where they are not in it."""
+    columns = np.round(camera.fx * points[:, 0] / points[:, 2] + camera.cx)
+    rows = np.round(camera.fy * points[:, 1] / points[:, 2] + camera.cy)
+    inside = (columns >= 0) & (rows >= 0) & (columns < image.shape[1]) & (rows < image.shape[0])
+    levels = np.full(len(points), np.nan)
+    levels[inside] = image[rows[inside].astype(int), columns[inside].astype(int)]
+    return levels
+
+
 def keyframes(recording: RgbdRecording, sharpness: np.ndarray, spread: float = 0.35, turn: float = 25.0) -> list[int]:
     """Return indices of sharp frames that are well spread, so that there are 40 to 120 of a long walk.
 
@@ -370,17 +408,25 @@ class _Pair:
         points = (rays * some[..., None])[some > 0]
         return cls(points, one.pose, measured(recording, two), two.pose, two.depth_camera)
 
-    def share(self, change: Callable[[np.ndarray], np.ndarray], tolerance: float) -> float:
-        """Return the share of points that both frames see and have at the same depth; NaN where few are seen by both."""
+    def matched(
+        self, change: Callable[[np.ndarray], np.ndarray], tolerance: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the points that both frames see in the one's and in the other's camera [m], and whether depth agrees."""
         move = np.linalg.inv(change(self.other)) @ change(self.pose)
         x = self.points @ move[:3, :3].T + move[:3, 3]
-        x = x[x[:, 2] > 0.1]
+        ahead = x[:, 2] > 0.1
+        own, x = self.points[ahead], x[ahead]
         columns = np.round(self.camera.fx * x[:, 0] / x[:, 2] + self.camera.cx)
         rows = np.round(self.camera.fy * x[:, 1] / x[:, 2] + self.camera.cy)
         height, width = self.depth.shape
         inside = (columns >= 0) & (rows >= 0) & (columns < width) & (rows < height)
         z = self.depth[rows[inside].astype(int), columns[inside].astype(int)]
         near = np.abs(z - x[inside, 2])[z > 0] < tolerance * (0.03 + 0.03 * z[z > 0])
+        return own[inside][z > 0], x[inside][z > 0], near
+
+    def share(self, change: Callable[[np.ndarray], np.ndarray], tolerance: float) -> float:
+        """Return the share of points that both frames see and have at the same depth; NaN where few are seen by both."""
+        near = self.matched(change, tolerance)[2]
         return float(near.mean()) if len(near) >= max(30, 0.08 * len(self.points)) else np.nan
 
 

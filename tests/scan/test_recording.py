@@ -121,6 +121,24 @@ def test_the_kinect_of_7_scenes_is_not_registered(tmp_path: Path) -> None:
     assert recording_formats.read(folder, (585, 585, 320, 240, 0, 0, 0)).registered
 
 
+def test_colour_that_is_registered_after_all_is_a_doubt(tmp_path: Path) -> None:
+    folder = recordings.seven_scenes(tmp_path / "walk", 36)
+    camera = (
+        1.3 * recordings.FOCAL,
+        1.3 * recordings.FOCAL,
+        recordings.WIDTH / 2,
+        recordings.HEIGHT / 2,
+        0.0,
+        0.1,
+        0.0,
+    )
+    assert "color_camera=[120,120,80,60,0,0,0]" in (recording.check_color(recording_formats.read(folder, camera)) or "")
+    for index, pose in enumerate(recordings.poses(36)):
+        PIL.Image.fromarray(recordings.image(pose, 1, 0.3)[1]).save(folder / f"frame-{index:06d}.color.png")
+    right = (recordings.FOCAL, recordings.FOCAL, recordings.WIDTH / 2, recordings.HEIGHT / 2, -0.3, 0.0, 0.0)
+    assert recording.check_color(recording_formats.read(folder, right)) is None
+
+
 def change_poses(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
     for path in folder.glob("*.pose.txt"):
         np.savetxt(path, change(np.loadtxt(path)))

@@ -52,25 +52,6 @@ def _ids(trees: Sequence[RayMesh]) -> wp.array:
 
 
 @wp.kernel
-def _hide(mesh: wp.uint64, points: wp.array(dtype=wp.vec3), eye: wp.vec3, hidden: wp.array(dtype=int)):
-    tid = wp.tid()
-    ray = eye - points[tid]
-    length = wp.length(ray)
-    hit = wp.mesh_query_ray(mesh, points[tid], ray / length, length)
-    if hit.result:
-        hidden[tid] = 1
-
-
-def hidden_from(mesh: RayMesh, points: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Return True for points [point 3] that a mesh with faces hides from a place [3], shape [point]."""
-    hidden = wp.zeros(len(points), dtype=int, device="cpu")
-    starts = wp.array(np.asarray(points, np.float32), dtype=wp.vec3, device="cpu")
-    wp.launch(_hide, dim=len(points), inputs=[mesh.id, starts, wp.vec3(*eye.tolist())], outputs=[hidden], device="cpu")
-    result: np.ndarray = hidden.numpy() == 1
-    return result
-
-
-@wp.kernel
 def _nearest(
     mesh: wp.uint64,
     points: wp.array(dtype=wp.vec3),

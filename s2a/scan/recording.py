@@ -215,7 +215,8 @@ def check_color(recording: RgbdRecording) -> str | None:
     """Return a doubt where frames agree better in colour if depth is registered to it, though that is not stated; or None."""
     if recording.registered:
         return None
-    stated, registered = [], []
+    stated: list[float] = []
+    registered: list[float] = []
     for one, two in _partners(recording):
         if one.color is None or two.color is None:
             continue

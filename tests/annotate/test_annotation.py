@@ -160,6 +160,8 @@ def test_a_rectangle_lies_on_the_plane_that_most_of_it_shows(editor: Editor) -> 
 
 def test_what_is_written_is_what_was_annotated(editor: Editor, tmp_path: Path) -> None:
     plain_room.write(tmp_path / "scan")
+    (tmp_path / "scan" / "keyframes").mkdir()
+    (tmp_path / "scan" / "keyframes" / "keyframes.json").write_text('{"frames": []}')
     bare = files.read(tmp_path / "scan")
     drawer(editor).handle(np.array([0.0, -0.6, 0.64]))  # a bar that is given up again
     editor.handle(plain_room.BAR)
@@ -168,6 +170,7 @@ def test_what_is_written_is_what_was_annotated(editor: Editor, tmp_path: Path) -
     editor.hinge(np.array([(0, 0.21, 0.3)]))
     editor.handle(np.array([0.0, 0.55, 0.4]), "knob")
     files.write(editor.annotation, bare, tmp_path / "out")
+    assert (tmp_path / "out" / "keyframes" / "keyframes.json").is_file()
     read = scan.read(tmp_path / "out")
     assert read.movable == ("drawer_1", "door_3")
     here, ids = annotation.scene(editor.annotation)

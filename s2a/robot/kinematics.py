@@ -126,7 +126,7 @@ def _chain(robot: ElementTree.Element, spec: RobotSpec) -> list[tuple[str, int, 
 
 def _ik_model(robot: ElementTree.Element, spec: RobotSpec) -> tuple[newton.Model, int]:
     """Return a model of the arm alone, without shapes, and the index of the body with the tool frame."""
-    import newton
+    import newton  # seconds to load, as newton.ik
 
     bare = urdf.without_colliders(urdf.without(robot, urdf.below(robot, spec.tool_link) - {spec.tool_link}))
     builder = newton.ModelBuilder()

@@ -98,7 +98,10 @@ def quick(stage: Path, out: Path) -> list[str]:
 def test_the_command_writes_a_record_and_a_page_and_keeps_them(
     stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(provenance, "_commit", lambda: "abc1234")  # in a changed checkout nothing is kept
+    monkeypatch.setattr(
+        provenance, "__file__", str(tmp_path / "provenance.py")
+    )  # in a changed checkout nothing is kept
+    monkeypatch.setenv("S2A_COMMIT", "abc1234")
     out = tmp_path / "validation"
     assert cli.main(quick(stage, out)) == 0
     assert "PASSED; drawer_2: graspable" in capsys.readouterr().out

@@ -17,7 +17,7 @@ import satellites
 import tiny_scan
 
 from s2a import __main__ as entry
-from s2a.commands import cli
+from s2a.commands import cli, view
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.scan.visuals import tree
@@ -254,6 +254,6 @@ def test_a_cache_that_cannot_be_written_is_named_with_the_remedy(
     def fail(_: object) -> None:
         raise OSError(number, os.strerror(number), "/home/somebody/.cache/warp/1.19.0")
 
-    monkeypatch.setattr(cli, "_dispatch", fail)
-    assert cli.main(["view"]) == 2
+    monkeypatch.setattr(view, "run", fail)
+    assert cli.main(["view", "path=room.usd"]) == 2
     assert "set WARP_CACHE_PATH to a folder that can be written" in capsys.readouterr().err

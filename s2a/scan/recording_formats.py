@@ -118,7 +118,7 @@ def _scannet(folder: Path) -> RgbdRecording:
     color_camera = _camera(file) if file.is_file() else camera
     count = len(depths)
     recording = _recording("ScanNet", depths, colors, poses, [camera] * count, [color_camera] * count)
-    # ScanNet's poses are the colour camera's; its reader writes the extrinsics of each camera, which most scans have as one.
+    # Of each camera in the rig, which is the depth camera's: a scene's .txt calls the colour camera's colorToDepthExtrinsics.
     moves = [folder / "intrinsic" / f"extrinsic_{name}.txt" for name in ("depth", "color")]
     if all(move.is_file() for move in moves):
         depth_move, color_move = (_checked(_matrix(move, (4, 4)), move) for move in moves)

@@ -109,6 +109,17 @@ def spill(surface: Mesh) -> float:
     return float((red[wall].sum() + (~red[floor]).sum()) / (wall.sum() + floor.sum()))
 
 
+def test_the_colour_camera_of_scannet_is_where_its_extrinsics_say(tmp_path: Path) -> None:
+    folder = recordings.scannet(tmp_path / "walk", 3)
+    beside = np.eye(4)
+    beside[0, 3] = 0.04
+    np.savetxt(folder / "intrinsic" / "extrinsic_depth.txt", np.eye(4))
+    np.savetxt(folder / "intrinsic" / "extrinsic_color.txt", np.eye(4))
+    assert recording_formats.read(folder).registered
+    np.savetxt(folder / "intrinsic" / "extrinsic_color.txt", beside)
+    assert recording_formats.read(folder).color_from_depth[:3, 3] == pytest.approx([-0.04, 0, 0])
+
+
 def test_the_kinect_of_7_scenes_is_not_registered(tmp_path: Path) -> None:
     folder = tmp_path / "walk"
     folder.mkdir()

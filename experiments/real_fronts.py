@@ -80,7 +80,9 @@ def compared(truth: list[Front], fronts: list[Front]) -> dict:
         pairs.append((truth[i], fronts[j], float(scores[i, j])))
         left[i], left[:, j] = -1.0, -1.0
     hinged = [(a, b) for a, b, _ in pairs if a.hinge and b.hinge]
-    handles = [float(np.linalg.norm(a.handle - b.handle)) for a, b, _ in pairs if a.handle is not None and b.handle is not None]
+    handles = [
+        float(np.linalg.norm(a.handle - b.handle)) for a, b, _ in pairs if a.handle is not None and b.handle is not None
+    ]
     return {
         "truth": len(truth),
         "fronts": len(fronts),
@@ -106,7 +108,9 @@ def main() -> None:
     for text in given.proposals:
         capture, _, folder = text.partition("=")
         for annotator in "AB":
-            rows[f"{capture}: {annotator} and proposals"] = compared(annotated(capture, annotator), proposed(Path(folder)))
+            rows[f"{capture}: {annotator} and proposals"] = compared(
+                annotated(capture, annotator), proposed(Path(folder))
+            )
     print("\n".join(f"{name}: {row}" for name, row in rows.items()))
     if given.out:
         given.out.write_text(json.dumps({"rows": rows, "provenance": provenance()}, indent=1) + "\n")

@@ -10,6 +10,7 @@ import pytest
 
 from s2a.homes.grips import bar, knob
 from s2a.homes.solids import Piece, box
+from s2a.scan.ply_file import write_ply
 from s2a.scene.scene import Mesh, Part, Scene
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
@@ -109,7 +110,6 @@ def test_a_web_is_told_by_how_far_it_closes_the_gap(web: Mesh, share: float) -> 
 
 
 def test_noise_is_that_which_was_added(tmp_path: Path) -> None:
-    from s2a.homes import files
     from s2a.scene.usd import geometric
 
     truth = Scene("box", {"box_1": Part("box", box((-1, 2), (-1, 2), (-1, 0), GREY).mesh)})
@@ -117,7 +117,7 @@ def test_noise_is_that_which_was_added(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).normal(0.0, 0.002, len(flat.vertices))
     rough = Mesh(flat.vertices + np.stack([0 * noise, 0 * noise, noise], axis=1), flat.faces, flat.vertices * 0)
     (tmp_path / "truth").mkdir()
-    files.write_ply(tmp_path / "mesh_aligned_0.05.ply", rough)
+    write_ply(tmp_path / "mesh_aligned_0.05.ply", rough)
     geometric.write(truth, tmp_path / "truth" / "truth.usda")
     (tmp_path / "truth" / "truth.json").write_text('{"parts": {}}')
     figures = scan_stats.measure(tmp_path)
@@ -128,10 +128,9 @@ def test_noise_is_that_which_was_added(tmp_path: Path) -> None:
 
 
 def test_a_mesh_without_truth_has_the_figures_that_need_none(tmp_path: Path) -> None:
-    from s2a.homes import files
 
     mesh = plate(10, missing=((2, 2),))
-    files.write_ply(tmp_path / "real.ply", Mesh(mesh.vertices, mesh.faces, mesh.vertices * 0))
+    write_ply(tmp_path / "real.ply", Mesh(mesh.vertices, mesh.faces, mesh.vertices * 0))
     figures = scan_stats.measure(tmp_path / "real.ply")
     assert (figures.holes, figures.border) == pytest.approx((2 / 0.99, 4.4 / 0.99), rel=1e-3)
     assert np.isnan(figures.noise) and figures.seen == {}

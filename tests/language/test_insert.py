@@ -182,7 +182,7 @@ def test_an_insertion_takes_neither_the_place_of_its_ground_nor_of_its_recording
 def test_any_label_makes_a_name_that_a_script_may_spell(label, part_id):
     planned = pipeline.placement(scene(), label, Pose((0.1, 0.2, 0.3), (0.0, 0.0, 0.0, 1.0), 0.0, 1), 1.0)
     assert (planned.part_id, planned.label) == (part_id, label)
-    check(write_script(planned), STAGE, planned.reference, config.load(AllowConfig, composed()["sandbox"]["allow"]))
+    check(write_script(planned), STAGE, planned.reference, AllowConfig())
 
 
 def test_a_label_that_no_script_may_spell_is_refused_before_anybody_is_asked(folder, tmp_path):

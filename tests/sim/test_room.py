@@ -20,12 +20,22 @@ from s2a.scene.geometry.convex import deepest
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import Base, Collider
-from s2a.sim.room import MAX_STATIC, Workspace
+from s2a.sim import room as sim_room
+from s2a.sim.room import Workspace
 from s2a.sim.simulation import SimConfig, Simulation, build_worlds
 from s2a.sim.world import JointConfig, SimStage, build_world, read_stage
 
 FREE = JointConfig(0.0, 0.0, "grasp")
 PARTS = ("drawer_7", "drawer_8", "door_5", "door_6", INNER, LONE)
+
+
+MAX_STATIC = 64
+"""Colliders that a world holds here, so that few make it crowded."""
+
+
+@pytest.fixture(autouse=True)
+def _small_worlds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sim_room, "MAX_STATIC", MAX_STATIC)
 
 
 @pytest.fixture(scope="module")

@@ -62,7 +62,7 @@ class Lift(Task):
         """Bind the task to worlds, with settings that differ from those of opening."""
         settings = load(dict, "task/open_part")
         shared = {name: settings[name] for name in (each.name for each in fields(MdpConfig))}
-        super().__init__(sim, MdpConfig(**{**shared, "name": "lift", **changes}), MetricsConfig(0.001))
+        super().__init__(sim, MdpConfig(**{**shared, "name": "lift", **changes}), MetricsConfig())
 
     def bind(self) -> None:
         """Keep where the joint starts."""

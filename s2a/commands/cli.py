@@ -15,6 +15,7 @@ import os
 import re
 import signal
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Iterator, Sequence
@@ -53,6 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     progress.set_up()
     progress.log_in_lines("--debug" in arguments)
+    _give_a_home()
     try:
         return _dispatch(arguments)
     except progress.Terminated:
@@ -71,6 +73,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             each in error.object for each in SURROGATES.findall("".join(arguments))
         ):
             return _fail("an argument is no UTF-8, which files of s2a cannot hold; rename what it names", 2)
+        if _is_out_of_memory(error):
+            reason = " ".join(str(error).split())[:200] or "no more can be had"
+            return _fail(f"out of memory: {reason}; lower num_envs, or free some memory", 2)
         if isinstance(error, (InputError, OSError)):
             return _fail(str(error) + _remedy(error), 2)
         return _fail(
@@ -84,6 +89,26 @@ def _remedy(error: Exception) -> str:
     if isinstance(error, OSError) and isinstance(name, str) and "warp" in Path(name).parts:
         return "; set WARP_CACHE_PATH to a folder that can be written"
     return ""
+
+
+def _is_out_of_memory(error: BaseException) -> bool:
+    """Return True for what Python, NumPy, torch and Warp raise where the machine, or its GPU, has not enough memory."""
+    words = ("out of memory", "failed to allocate", "not enough memory", "can't allocate memory")
+    return isinstance(error, MemoryError) or (
+        isinstance(error, RuntimeError) and any(each in str(error).lower() for each in words)
+    )
+
+
+def _give_a_home() -> None:
+    """Give a user whom nobody knows, as in a container, a home for caches: libraries would make a folder called ~."""
+    try:
+        Path.home()
+    except RuntimeError:
+        home = Path(tempfile.gettempdir(), f"s2a-{os.getuid()}")
+        with contextlib.suppress(OSError):  # then they cannot keep anything, and say so
+            home.mkdir(mode=0o700, exist_ok=True)
+        os.environ |= {"HOME": str(home), "USER": os.environ.get("USER", str(os.getuid()))}
+        progress.report(f"warning: there is no home; caches go to {home}: set HOME to keep them")
 
 
 def run(command: str, values: dict[str, Any]) -> None:

@@ -130,14 +130,14 @@ def _locked_folder(path: Path) -> tuple[Path, int]:
     lock = os.open(new, os.O_RDONLY)
     with suppress(OSError):  # file systems without locks
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    room = path.parent / f".{path.name}.{MARK}{new[-8:]}"
+    room = path.parent / f".{_start(path)}.{MARK}{new[-8:]}"
     os.rename(new, room)
     return room, lock
 
 
 def _remove_leftovers(path: Path) -> None:
     """Remove what processes that were killed have left beside `path`: folders of ours that nobody has locked."""
-    for folder in path.parent.glob(f".{glob.escape(path.name)}.{MARK}????????"):
+    for folder in path.parent.glob(f".{glob.escape(_start(path))}.{MARK}????????"):
         with suppress(OSError):
             lock = os.open(folder, os.O_RDONLY)
             try:
@@ -145,6 +145,11 @@ def _remove_leftovers(path: Path) -> None:
                 shutil.rmtree(folder, ignore_errors=True)
             finally:
                 os.close(lock)
+
+
+def _start(path: Path) -> str:
+    """Return a name, or the start of a long one: a file system takes 255 bytes, our mark included."""
+    return os.fsencode(path.name)[:200].decode(errors="ignore")
 
 
 def _refuse_foreign(path: Path, earlier: str | None) -> None:

@@ -238,3 +238,40 @@ print(gc.isenabled())
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
     assert done.stdout.split() == ["True"] * 4, done.stderr
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        MemoryError("Unable to allocate 8.0 TiB for an array"),
+        RuntimeError("CUDA out of memory. Tried to allocate 2.00 GiB"),
+        RuntimeError("Failed to allocate 17179869184 bytes on device 'cuda:0'"),
+        RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory: you tried to allocate 1 bytes"),
+    ],
+)
+def test_too_little_memory_is_one_line_and_no_bug(
+    error: Exception, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    def fail(config: object) -> str:
+        raise error
+
+    monkeypatch.setattr("s2a.commands.export.run", fail)
+    message = refused(capsys, ["export", "scan=x", "out=y"])
+    assert "out of memory" in message and "num_envs" in message and "bug" not in message
+
+
+def test_a_user_without_a_home_has_one_for_caches(tmp_path: Path):
+    code = (
+        "import os, pwd, sys\n"
+        "def unknown(uid): raise KeyError(uid)\n"
+        "pwd.getpwuid = unknown\n"
+        "from s2a.commands.cli import main\n"
+        "main(['--version']); print(os.environ['HOME'])"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "HOME"} | {"TMPDIR": str(tmp_path)}
+    ran = subprocess.run(
+        [sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert ran.stdout.splitlines()[-1] == str(tmp_path / f"s2a-{os.getuid()}") and "set HOME" in ran.stderr
+    assert not (tmp_path / "~").exists()

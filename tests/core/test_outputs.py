@@ -111,3 +111,10 @@ def test_one_of_many_files_is_there_whole_or_as_it_was(tmp_path: Path):
     with pytest.raises(InputError, match=r"a\.txt: cannot be written: No space left on device; free some space"):
         replace_file(file, fails)
     assert [(path.name, path.read_text()) for path in file.parent.iterdir()] == [("a.txt", "first")]
+
+
+@pytest.mark.parametrize("name", ["a" * 255, "é" * 127, "日" * 85, "x" * 251 + ".usd", "a" * 240])
+def test_a_name_as_long_as_a_file_system_takes_is_written(tmp_path: Path, name: str):
+    with atomic_write(tmp_path / name) as file:
+        file.write_text("whole")
+    assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [(name, "whole")]

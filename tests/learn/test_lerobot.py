@@ -12,7 +12,7 @@ import pytest
 
 from s2a.core.errors import InputError
 from s2a.learn.collect.lerobot import CHUNK, LeRobotDataset
-from s2a.learn.collect.video import ColourVideo, LosslessVideo
+from s2a.learn.collect.video import ColourVideo, LosslessVideo, quantiles
 
 CAMERA = "observation.images.scene"
 FEATURES = {
@@ -181,3 +181,52 @@ def test_depth_comes_back_as_it_was_written_and_colours_nearly(tmp_path: Path) -
     for kind in ("min", "max", "mean", "std"):
         assert np.allclose(np.ravel(stats[kind]), getattr(pixels, kind)(axis=0), atol=1e-7), kind
     assert stats["count"] == [6]
+
+
+LEROBOTS = {
+    "q01": (-0.9999908804893494, -0.9996777415275574),
+    "q10": (-0.9847999811172485, -0.9875308156013489),
+    "q50": (-0.2452417016029358, -0.2930706024169922),
+    "q90": (0.9396505951881409, 0.9504172444343567),
+    "q99": (0.9986153244972229, 0.9981041550636292),
+}
+"""Of sin(i²), i from 0 to 49, in one episode, and in two of 20 and 30 frames: get_feature_stats and aggregate_feature_stats of
+lerobot 0.4.4."""
+
+
+@pytest.mark.parametrize("lengths", [(50,), (20, 30)])
+def test_quantiles_are_those_of_lerobot(tmp_path: Path, lengths: tuple[int, ...]) -> None:
+    grip = np.sin(np.arange(50, dtype=np.float32) ** 2)[:, None]
+    dataset = LeRobotDataset(tmp_path / "set", 20, "panda", {"grip": FEATURES["grip"]})
+    for part in np.split(grip, np.cumsum(lengths)[:-1]):
+        dataset.append({"grip": part}, {}, {}, "open the drawer")
+    stats = json.loads((tmp_path / "set/meta/stats.json").read_text())
+    for name, values in LEROBOTS.items():
+        assert stats["grip"][name] == pytest.approx([values[len(lengths) - 1]], abs=1e-6)
+        assert len(stats["timestamp"][name]) == len(stats["index"][name]) == 1
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.zeros(5, np.float32),
+        np.full(9, 0.3, np.float32),
+        np.array([2.5], np.float32),
+        np.arange(1000),
+        np.random.default_rng(0).normal(size=500).astype(np.float32),
+    ],
+)
+def test_quantiles_lie_within_a_bin_of_the_numbers_own(values: np.ndarray) -> None:
+    for name, value in quantiles(values).items():
+        low, high = (np.quantile(values, int(name[1:]) / 100, method=side) for side in ("lower", "higher"))
+        width = np.ptp(values) / 5000 + 1e-6
+        assert low - 2 * width <= value <= high + 2 * width
+
+
+def test_the_pixels_of_a_video_have_quantiles(tmp_path: Path) -> None:
+    video = ColourVideo(tmp_path / "v", 16, 16, 20)
+    video.add(np.full((16, 16, 3), (0, 51, 255), np.uint8))
+    video.add(np.full((16, 16, 3), (0, 51, 255), np.uint8))
+    stats = video.close().stats
+    for name in ("q01", "q50", "q99"):
+        assert np.shape(stats[name]) == (3, 1, 1) and np.ravel(stats[name]) == pytest.approx([0.0, 0.2, 1.0], abs=1e-6)

@@ -262,7 +262,9 @@ class AnnotationPanel:
                 text = self._save(self._editor.annotation)
             except (InputError, OSError) as error:
                 text = f"not saved: {error}"
-            self._said.content = f"<div class='s2a-card'><pre style='white-space: pre-wrap'>{text}</pre></div>"
+            self._said.content = (
+                f"<div class='s2a-card'><pre style='white-space: pre-wrap'>{html.escape(text)}</pre></div>"
+            )
 
     def _mesh(self) -> Mesh:
         """Return what can be clicked, made once for every annotation."""

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from s2a.core.errors import InputError
 from s2a.core.outputs import PART, replace_file
 from s2a.learn.collect.episodes import Episode, Features, is_foreign, write_replay
-from s2a.learn.collect.video import ColourVideo, ImageFile, LosslessVideo
+from s2a.learn.collect.video import QUANTILES, ColourVideo, ImageFile, LosslessVideo, quantiles
 
 VERSION = "v3.0"
 CHUNK = 1000
@@ -100,7 +100,7 @@ class LeRobotDataset:
         Args:
             columns: of each feature that is not a video, shape [frame n].
             videos: mp4 file of each camera; it is moved.
-            stats: of each camera's pixels: min, max, mean, std, shape [3 1 1], and count [1].
+            stats: of each camera's pixels: min, max, mean, std, quantiles, shape [3 1 1], and count [1].
             task: what the robot was to do, in words.
         """
         i, length = self.count, len(next(iter(columns.values())))
@@ -222,10 +222,13 @@ def _task_table(tasks: Sequence[str]) -> pa.Table:
 
 
 def _stats(values: np.ndarray) -> dict[str, Any]:
-    """Return min, max, mean and standard deviation of a column [frame n], and the number of frames."""
-    numbers = values.reshape(len(values), -1).astype(float)
+    """Return min, max, mean, standard deviation and quantiles of a column [frame n], and the number of frames."""
+    column = values.reshape(len(values), -1)
+    column = column.astype(np.float32) if column.dtype.kind == "f" else column  # as it is stored
+    numbers = column.astype(float)
     moments = {kind: getattr(numbers, kind)(axis=0).tolist() for kind in ("min", "max", "mean", "std")}
-    return {**moments, "count": [len(values)]}
+    each = [quantiles(numbers) for numbers in column.T]
+    return {**moments, **{kind: [one[kind] for one in each] for kind in QUANTILES}, "count": [len(values)]}
 
 
 def _stats_of_episode(file: Path) -> Stats:
@@ -254,7 +257,12 @@ def _merged(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
     weights = np.array(counts) / sum(counts)
     mean = weights[0] * means[0] + weights[1] * means[1]
     squares = sum(w * (d**2 + (m - mean) ** 2) for w, d, m in zip(weights, deviations, means, strict=True))
+    shared = [kind for kind in QUANTILES if kind in one and kind in other]
+    middle = {
+        kind: (weights[0] * np.asarray(one[kind]) + weights[1] * np.asarray(other[kind])).tolist() for kind in shared
+    }
     return {
+        **middle,  # LeRobot, too, takes the mean of the episodes' quantiles
         "min": np.minimum(one["min"], other["min"]).tolist(),
         "max": np.maximum(one["max"], other["max"]).tolist(),
         "mean": mean.tolist(),

@@ -19,6 +19,10 @@ from s2a.core.errors import InputError
 
 KEYFRAMES = 2
 """Every second frame can be read without the one before it, as LeRobot writes its own: learners read single frames."""
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+"""What LeRobot keeps, which some policies normalise by."""
+BINS = 5000
+"""Of the histogram by which LeRobot estimates them."""
 LEVEL = 1
 """Of zlib: the fastest."""
 
@@ -30,7 +34,8 @@ class Images:
     Attributes:
         path: of it.
         frames: how many.
-        stats: of a ColourVideo: min, max, mean and std of its channels in [0, 1], shape [3 1 1], and the number of frames.
+        stats: of a ColourVideo: min, max, mean, std and quantiles of its channels in [0, 1], shape [3 1 1], and the number of
+            frames.
         lengths: of a DeflatedImages: bytes of each frame.
     """
 
@@ -81,8 +86,36 @@ class ColourVideo:
             "mean": mean,
             "std": np.sqrt(np.maximum(squares - mean**2, 0.0)),
         }
+        if self._frames:
+            each = [quantiles(np.arange(256)[counts > 0], counts[counts > 0]) for counts in self._counts]
+            moments |= {kind: [channel[kind] / 255.0 for channel in each] for kind in QUANTILES}
         stats = {kind: np.reshape(each, (3, 1, 1)).tolist() for kind, each in moments.items()}
         return Images(self._path, self._frames, {**stats, "count": [self._frames]})
+
+
+def quantiles(values: np.ndarray, counts: np.ndarray | None = None) -> dict[str, float]:
+    """Return the QUANTILES of numbers as LeRobot estimates them, by a histogram in the numbers' own precision.
+
+    Source: RunningQuantileStats in lerobot/datasets/compute_stats.py, huggingface/lerobot 0.4.4.
+
+    Args:
+        values: shape [n].
+        counts: how often each is there, shape [n]; None: once.
+    """
+    number = float(len(values) if counts is None else counts.sum())
+    if number < 2:
+        return dict.fromkeys(QUANTILES, float(values.mean()))
+    edges = np.linspace(values.min() - 1e-10, values.max() + 1e-10, BINS + 1)
+    below = np.concatenate([[0.0], np.cumsum(np.histogram(values, edges, weights=counts)[0], dtype=float)])
+
+    def quantile(fraction: float) -> float:
+        bin_ = int(np.searchsorted(below[1:], fraction * number))
+        if bin_ in (0, BINS):
+            return float(edges[bin_])
+        inside = (fraction * number - below[bin_]) / (below[bin_ + 1] - below[bin_])
+        return float(edges[bin_] + inside * (edges[bin_ + 1] - edges[bin_]))
+
+    return {name: quantile(fraction) for name, fraction in QUANTILES.items()}
 
 
 class LosslessVideo:

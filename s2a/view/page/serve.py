@@ -289,7 +289,7 @@ class _World:
         for part, q in self._world.q.items():
             name, size = unit(self._room.joints[part])
             words.append(f"{part} {q[k] / size:.0f} {name}")
-        return ", ".join(words) + (" (ended)" if frame >= self._world.frames else "")
+        return html.escape(", ".join(words)) + (" (ended)" if frame >= self._world.frames else "")
 
 
 def _above(room: PageRoom) -> np.ndarray:

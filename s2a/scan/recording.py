@@ -58,7 +58,7 @@ class Intrinsics:
 
 
 @dataclass(frozen=True)
-class Picture:
+class FrameImage:
     """An image that is opened when it is needed.
 
     Attributes:
@@ -85,12 +85,12 @@ class PosedFrame:
         confidence: image of the depth image's shape, 0 where depth is not to be believed, or None.
     """
 
-    depth: Picture
-    color: Picture | None
+    depth: FrameImage
+    color: FrameImage | None
     pose: np.ndarray
     depth_camera: Intrinsics
     color_camera: Intrinsics
-    confidence: Picture | None = None
+    confidence: FrameImage | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -425,7 +425,7 @@ class _Pair:
         near = np.abs(z - x[inside, 2])[z > 0] < tolerance * (0.03 + 0.03 * z[z > 0])
         return own[inside][z > 0], x[inside][z > 0], near
 
-    def share(self, change: Callable[[np.ndarray], np.ndarray], tolerance: float) -> float:
+    def agreement(self, change: Callable[[np.ndarray], np.ndarray], tolerance: float) -> float:
         """Return the share of points that both frames see and have at the same depth; NaN where few are seen by both."""
         near = self.matched(change, tolerance)[2]
         return float(near.mean()) if len(near) >= max(30, 0.08 * len(self.points)) else np.nan
@@ -433,6 +433,6 @@ class _Pair:
 
 def _agreement(pairs: list[_Pair], change: Callable[[np.ndarray], np.ndarray], tolerance: float = 1.0) -> float | None:
     """Return the median share of points of the pairs that overlap; None where fewer than two pairs do."""
-    shares = np.array([pair.share(change, tolerance) for pair in pairs])
+    shares = np.array([pair.agreement(change, tolerance) for pair in pairs])
     shares = shares[np.isfinite(shares)]
     return float(np.median(shares)) if len(shares) >= min(2, len(pairs)) and len(shares) else None

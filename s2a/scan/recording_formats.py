@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan.recording import OPENGL, Intrinsics, Picture, PosedFrame, RgbdRecording
+from s2a.scan.recording import OPENGL, FrameImage, Intrinsics, PosedFrame, RgbdRecording
 
 MIN_FRAMES = 2
 """Frames below which nothing is fused."""
@@ -143,7 +143,7 @@ def _nerfstudio(folder: Path) -> RgbdRecording:
         poses = [_checked(np.array(frame["transform_matrix"], dtype=float), path) for frame in frames]
         depths = [folder / frame["depth_file_path"] for frame in frames]
         colors = [_first(folder / frame["file_path"]) for frame in frames]
-        bent = max(abs(float({**data, **frame}.get(key, 0) or 0)) for frame in frames for key in _NERF_LENS)
+        bent = max(abs(float({**data, **frame}.get(key, 0) or 0)) for frame in frames for key in _NERF_DISTORTION)
         model, scale = str(data.get("camera_model", "OPENCV")), float(data.get("depth_unit_scale_factor", 0.001))
     except (ValueError, KeyError, TypeError) as error:
         reason = " ".join(f"{type(error).__name__} {error}".split())[:120]
@@ -158,7 +158,7 @@ def _nerfstudio(folder: Path) -> RgbdRecording:
 
 
 _NERF_KEYS = (("fl_x", 0.0), ("fl_y", 0.0), ("cx", 0.5), ("cy", 0.5))
-_NERF_LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
+_NERF_DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
 
 
 def _arkitscenes(folder: Path) -> RgbdRecording:
@@ -224,7 +224,7 @@ def _stray(folder: Path) -> RgbdRecording:
     camera = Intrinsics(matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
     video = _Video(folder / "rgb.mp4")
     depth_camera = camera.scaled(video.size, _size(depths[0]))
-    colors = [Picture(f"{video.path} frame {number}", partial(video.image, int(number))) for number in numbers]
+    colors = [FrameImage(f"{video.path} frame {number}", partial(video.image, int(number))) for number in numbers]
     sure = [_first(folder / "confidence" / f"{number:06d}.png") for number in numbers]
     poses = [_from_quaternion(row[4:8], row[1:4], path) for row in rows]
     count = len(numbers)
@@ -315,15 +315,15 @@ def _record3d_frames(
         )
     moves = [_from_quaternion(row[:4], row[4:], path) for row in poses]
 
-    def packed(index: int, ending: str, dtype: str) -> Picture | None:
+    def packed(index: int, ending: str, dtype: str) -> FrameImage | None:
         name = f"rgbd/{index}.{ending}"
         label = f"{path}/{name}"
-        return Picture(label, lambda: _lzfse(read(name), shape, dtype, label)) if name in there else None
+        return FrameImage(label, lambda: _lzfse(read(name), shape, dtype, label)) if name in there else None
 
-    def color(index: int) -> Picture | None:
+    def color(index: int) -> FrameImage | None:
         name = f"rgbd/{index}.jpg"
         return (
-            Picture(f"{path}/{name}", lambda: _opened(io.BytesIO(read(name)), f"{path}/{name}"))
+            FrameImage(f"{path}/{name}", lambda: _opened(io.BytesIO(read(name)), f"{path}/{name}"))
             if name in there
             else None
         )
@@ -397,12 +397,12 @@ class _Video:
 
 def _recording(
     kind: str,
-    depths: Sequence[Path | Picture | None],
-    colors: Sequence[Path | Picture | None],
+    depths: Sequence[Path | FrameImage | None],
+    colors: Sequence[Path | FrameImage | None],
     poses: Sequence[np.ndarray | None],
     depth_cameras: Sequence[Intrinsics],
     color_cameras: Sequence[Intrinsics],
-    sure: Sequence[Path | Picture | None] | None = None,
+    sure: Sequence[Path | FrameImage | None] | None = None,
     metres: float = 0.001,
     gravity: str | None = None,
 ) -> RgbdRecording:
@@ -423,7 +423,7 @@ def _with_color(recording: RgbdRecording, camera: Intrinsics, offset: Sequence[f
     return replace(recording, frames=frames, color_from_depth=move)
 
 
-def _fits(camera: Intrinsics, picture: Picture, what: str) -> None:
+def _fits(camera: Intrinsics, picture: FrameImage, what: str) -> None:
     """Raise an InputError if a camera cannot be that of an image: its axis is far from the middle."""
     height, width = picture.load().shape[:2]
     if not (0.25 < camera.cx / width < 0.75 and 0.25 < camera.cy / height < 0.75 and 0.2 < camera.fx / width < 5):
@@ -433,9 +433,9 @@ def _fits(camera: Intrinsics, picture: Picture, what: str) -> None:
         )
 
 
-def _picture(source: Path | Picture | None) -> Picture | None:
+def _picture(source: Path | FrameImage | None) -> FrameImage | None:
     if isinstance(source, Path):
-        return Picture(
+        return FrameImage(
             str(source), partial(_array, source) if source.suffix == ".npy" else partial(_image, source), source
         )
     return source

@@ -113,7 +113,7 @@ def main() -> None:
             )
     print("\n".join(f"{name}: {row}" for name, row in rows.items()))
     if given.out:
-        given.out.write_text(json.dumps({"rows": rows, "provenance": provenance()}, indent=1) + "\n")
+        given.out.write_text(json.dumps({"rows": rows, "provenance": provenance("cpu")}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

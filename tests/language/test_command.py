@@ -61,7 +61,7 @@ def test_what_cannot_be_done(
     assert list(tmp_path.iterdir()) == [out]
 
 
-@pytest.mark.parametrize("words", [["open the drawer"], ["sentence='open the drawer'"]])
+@pytest.mark.parametrize("words", [["open the drawer"], ["sentence=open the drawer"]])
 def test_a_plan_alone(words: list[str], stage: Path, tmp_path: Path) -> None:
     out = tmp_path / "do.json"
     assert s2a(*words, f"stage={stage}", f"out={out}", "llm=rules", "plan_only=true") == 0

@@ -217,14 +217,15 @@ def most_pairs(model: newton.Model, poses: Sequence[np.ndarray], worlds: int) ->
     low, high = model.shape_collision_aabb_lower.numpy()[some], model.shape_collision_aabb_upper.numpy()[some]
     moved = np.abs(poses[-1] - poses[0]).max(axis=1) > 1e-6
     mine = (body >= 0) & moved[body]
+    worlds_shapes = [np.flatnonzero(world == number) for number in range(worlds)]
+    sides = [(shapes[mine[shapes]], shapes[~mine[shapes]]) for shapes in worlds_shapes]
     most = 0
     for pose in poses:
         bodies = np.concatenate([_matrices(pose), np.eye(4)[None]])  # shapes of no body have the last, -1
         place = bodies[body] @ local
         center = np.einsum("nij,nj->ni", place[:, :3, :3], (low + high) / 2) + place[:, :3, 3]
         half = np.einsum("nij,nj->ni", np.abs(place[:, :3, :3]), (high - low) / 2)
-        for number in range(worlds):
-            own, other = np.flatnonzero(mine & (world == number)), np.flatnonzero(~mine & (world == number))
+        for own, other in sides:
             apart = np.abs(center[own][:, None] - center[other]) > half[own][:, None] + half[other]
             most = max(most, int((~apart.any(axis=2)).sum()))
     return most

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
-import re
 import zipfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, replace
@@ -15,7 +13,30 @@ from typing import Any
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan.recording import OPENGL, FrameImage, Intrinsics, PosedFrame, RgbdRecording
+from s2a.scan.recording import FrameImage, Intrinsics, PosedFrame, RgbdRecording
+from s2a.scan.recording_files import (
+    POSE_TIME,
+    checked_pose,
+    file_at,
+    first_file,
+    frame_number,
+    image_size,
+    opened_image,
+    parsed_json,
+    pose_of_quaternion,
+    read_array,
+    read_camera,
+    read_image,
+    read_json,
+    read_matrix,
+    read_pincam,
+    read_pose,
+    read_table,
+    require_images,
+    rotation_of_vector,
+    time_in_name,
+    turned_poses,
+)
 
 MIN_FRAMES = 2
 """Frames below which nothing is fused."""
@@ -26,7 +47,6 @@ KINECT_COLOR = Intrinsics(525.0, 525.0, 320.0, 240.0)
 KINECT_OFFSET = (-0.025, 0.0, 0.0)
 """Of depth points to the colour camera [m]: the two lenses' distance, with the sign with which RedKitchen's frames agree."""
 
-_POSE_TIME = 0.005  # [s] by which the times of an image and its pose may differ: ARKitScenes' own reader allows as much
 _LAYOUTS = (
     "frame-000000.depth.png, .color.png or .jpg, .pose.txt (7-Scenes); folders depth, color, pose and intrinsic (ScanNet); "
     "transforms.json with depth_file_path (nerfstudio); lowres_depth, lowres_wide.traj (ARKitScenes); odometry.csv, "
@@ -98,30 +118,32 @@ def _seven_scenes(folder: Path) -> RgbdRecording:
     """
     depths = sorted(folder.glob("frame-*.depth.png"))
     stems = [path.name.removesuffix(".depth.png") for path in depths]
-    poses = [_pose(folder / f"{stem}.pose.txt") for stem in stems]
-    colors = [_first(folder / f"{stem}.color.jpg", folder / f"{stem}.color.png") for stem in stems]
+    poses = [read_pose(folder / f"{stem}.pose.txt") for stem in stems]
+    colors = [first_file(folder / f"{stem}.color.jpg", folder / f"{stem}.color.png") for stem in stems]
     file = folder / "camera-intrinsics.txt"
-    camera = _camera(file) if file.is_file() else KINECT
+    camera = read_camera(file) if file.is_file() else KINECT
     recording = _recording("7-Scenes", depths, colors, poses, [camera] * len(depths), [camera] * len(depths))
-    if np.allclose(astuple(camera), astuple(KINECT)) and recording.frames and _size(depths[0]) == (640, 480):
+    if np.allclose(astuple(camera), astuple(KINECT)) and recording.frames and image_size(depths[0]) == (640, 480):
         return _with_color(recording, KINECT_COLOR, KINECT_OFFSET)
     return recording
 
 
 def _scannet(folder: Path) -> RgbdRecording:
     """Read frames as ScanNet's SensReader exports them: depth in mm, poses of minus infinity where tracking was lost."""
-    depths = sorted(folder.glob("depth/*.png"), key=lambda path: _number(path.stem))
-    poses = [_pose(folder / "pose" / f"{path.stem}.txt") for path in depths]
-    colors = [_first(folder / "color" / f"{path.stem}.jpg", folder / "color" / f"{path.stem}.png") for path in depths]
-    camera = _camera(folder / "intrinsic" / "intrinsic_depth.txt")
+    depths = sorted(folder.glob("depth/*.png"), key=lambda path: frame_number(path.stem))
+    poses = [read_pose(folder / "pose" / f"{path.stem}.txt") for path in depths]
+    colors = [
+        first_file(folder / "color" / f"{path.stem}.jpg", folder / "color" / f"{path.stem}.png") for path in depths
+    ]
+    camera = read_camera(folder / "intrinsic" / "intrinsic_depth.txt")
     file = folder / "intrinsic" / "intrinsic_color.txt"
-    color_camera = _camera(file) if file.is_file() else camera
+    color_camera = read_camera(file) if file.is_file() else camera
     count = len(depths)
     recording = _recording("ScanNet", depths, colors, poses, [camera] * count, [color_camera] * count)
     # Of each camera in the rig, which is the depth camera's: a scene's .txt calls the colour camera's colorToDepthExtrinsics.
     moves = [folder / "intrinsic" / f"extrinsic_{name}.txt" for name in ("depth", "color")]
     if all(move.is_file() for move in moves):
-        depth_move, color_move = (_checked(_matrix(move, (4, 4)), move) for move in moves)
+        depth_move, color_move = (checked_pose(read_matrix(move, (4, 4)), move) for move in moves)
         if depth_move is not None and color_move is not None and not np.allclose(depth_move, color_move, atol=1e-6):
             return replace(recording, color_from_depth=np.linalg.inv(color_move) @ depth_move)
     return recording
@@ -133,28 +155,28 @@ def _nerfstudio(folder: Path) -> RgbdRecording:
     The format is that of nerfstudio's data conventions: the first pixel's centre is (0.5, 0.5).
     """
     path = folder / "transforms.json"
-    data = _json(path)
+    data = read_json(path)
     try:
         frames = data["frames"]
         sizes = [(float({**data, **frame}["w"]), float({**data, **frame}["h"])) for frame in frames]
         cameras = [
             Intrinsics(*(float({**data, **frame}[key]) - shift for key, shift in _NERF_KEYS)) for frame in frames
         ]
-        poses = [_checked(np.array(frame["transform_matrix"], dtype=float), path) for frame in frames]
+        poses = [checked_pose(np.array(frame["transform_matrix"], dtype=float), path) for frame in frames]
         depths = [folder / frame["depth_file_path"] for frame in frames]
-        colors = [_first(folder / frame["file_path"]) for frame in frames]
+        colors = [first_file(folder / frame["file_path"]) for frame in frames]
         bent = max(abs(float({**data, **frame}.get(key, 0) or 0)) for frame in frames for key in _NERF_DISTORTION)
         model, scale = str(data.get("camera_model", "OPENCV")), float(data.get("depth_unit_scale_factor", 0.001))
     except (ValueError, KeyError, TypeError) as error:
         reason = " ".join(f"{type(error).__name__} {error}".split())[:120]
         raise InputError(f"{path}: damaged or without depth ({reason}); export it with depth images") from error
-    _all_there(depths, path)
+    require_images(depths, path)
     if bent > 1e-3 or "FISHEYE" in model:
         raise InputError(f"{path}: the lens is distorted ({model}, coefficient {bent:.3g}); undistort the images first")
     depth_cameras = [
-        camera.scaled(size, _size(depth)) for camera, size, depth in zip(cameras, sizes, depths, strict=True)
+        camera.scaled(size, image_size(depth)) for camera, size, depth in zip(cameras, sizes, depths, strict=True)
     ]
-    return _recording("nerfstudio", depths, colors, _turned(poses), depth_cameras, cameras, metres=scale)
+    return _recording("nerfstudio", depths, colors, turned_poses(poses), depth_cameras, cameras, metres=scale)
 
 
 _NERF_KEYS = (("fl_x", 0.0), ("fl_y", 0.0), ("cx", 0.5), ("cy", 0.5))
@@ -167,7 +189,7 @@ def _arkitscenes(folder: Path) -> RgbdRecording:
     Colour is that of vga_wide where it was downloaded, else lowres_wide. The world is z up.
     """
     path = next(iter([*folder.glob("lowres_wide.traj"), *folder.glob("*.traj")]), folder / "lowres_wide.traj")
-    rows = _table(path, 7)
+    rows = read_table(path, 7)
     times = rows[:, 0]
     files: dict[str, list[tuple[float, Path]]] = {}
     for name in (
@@ -178,26 +200,26 @@ def _arkitscenes(folder: Path) -> RgbdRecording:
         "vga_wide_intrinsics",
         "lowres_wide_intrinsics",
     ):
-        files[name] = sorted((_seconds(file), file) for file in (folder / name).glob("[!.]*_*.*"))
+        files[name] = sorted((time_in_name(file), file) for file in (folder / name).glob("[!.]*_*.*"))
     wide = "vga_wide" if files["vga_wide"] and files["vga_wide_intrinsics"] else "lowres_wide"
     depths, colors, sure, poses, depth_cameras, color_cameras = [], [], [], [], [], []
     for time, depth in files["lowres_depth"]:
         index = int(np.argmin(np.abs(times - time)))
-        lens = _at(files["lowres_wide_intrinsics"], time) or _at(files[f"{wide}_intrinsics"], time)
-        color, color_lens = _at(files[wide], time), _at(files[f"{wide}_intrinsics"], time)
+        lens = file_at(files["lowres_wide_intrinsics"], time) or file_at(files[f"{wide}_intrinsics"], time)
+        color, color_lens = file_at(files[wide], time), file_at(files[f"{wide}_intrinsics"], time)
         if lens is None:
             raise InputError(
                 f"{depth}: no camera of this time in {folder.name}/lowres_wide_intrinsics; download it, too"
             )
-        size, camera = _pincam(lens)
+        size, camera = read_pincam(lens)
         depths.append(depth)
         colors.append(color if color_lens else None)
-        sure.append(_at(files["confidence"], time))
-        depth_cameras.append(camera.scaled(size, _size(depth) if depths[1:] == [] else _size(depths[0])))
-        color_cameras.append(_pincam(color_lens)[1] if color_lens else camera)
+        sure.append(file_at(files["confidence"], time))
+        depth_cameras.append(camera.scaled(size, image_size(depth) if depths[1:] == [] else image_size(depths[0])))
+        color_cameras.append(read_pincam(color_lens)[1] if color_lens else camera)
         pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = _rotation(rows[index, 1:4]), rows[index, 4:7]
-        poses.append(np.linalg.inv(pose) if abs(times[index] - time) < _POSE_TIME else None)
+        pose[:3, :3], pose[:3, 3] = rotation_of_vector(rows[index, 1:4]), rows[index, 4:7]
+        poses.append(np.linalg.inv(pose) if abs(times[index] - time) < POSE_TIME else None)
     return _recording("ARKitScenes", depths, colors, poses, depth_cameras, color_cameras, sure, gravity="z")
 
 
@@ -212,21 +234,21 @@ def _stray(folder: Path) -> RgbdRecording:
         columns = [names.index(name) for name in ("frame", "x", "y", "z", "qx", "qy", "qz", "qw")]
     except (ValueError, IndexError, OSError) as error:
         raise InputError(f"{path}: its first line names no frame, x, y, z, qx, qy, qz, qw ({error})") from error
-    rows = _table(path, len(names), ",", 1)[:, columns]
+    rows = read_table(path, len(names), ",", 1)[:, columns]
     numbers = rows[:, 0].astype(int)
     depths = [
-        _first(folder / "depth" / f"{number:06d}.png", folder / "depth" / f"{number:06d}.npy")
+        first_file(folder / "depth" / f"{number:06d}.png", folder / "depth" / f"{number:06d}.npy")
         or folder / "depth" / f"{number:06d}.png"
         for number in numbers
     ]
-    _all_there(depths, path)
-    matrix = _matrix(folder / "camera_matrix.csv", (3, 3), delimiter=",")
+    require_images(depths, path)
+    matrix = read_matrix(folder / "camera_matrix.csv", (3, 3), delimiter=",")
     camera = Intrinsics(matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
     video = _Video(folder / "rgb.mp4")
-    depth_camera = camera.scaled(video.size, _size(depths[0]))
+    depth_camera = camera.scaled(video.size, image_size(depths[0]))
     colors = [FrameImage(f"{video.path} frame {number}", partial(video.image, int(number))) for number in numbers]
-    sure = [_first(folder / "confidence" / f"{number:06d}.png") for number in numbers]
-    poses = [_from_quaternion(row[4:8], row[1:4], path) for row in rows]
+    sure = [first_file(folder / "confidence" / f"{number:06d}.png") for number in numbers]
+    poses = [pose_of_quaternion(row[4:8], row[1:4], path) for row in rows]
     count = len(numbers)
     recording = _recording(
         "Stray Scanner", depths, colors, poses, [depth_camera] * count, [camera] * count, sure, gravity="y"
@@ -243,7 +265,7 @@ def _polycam(folder: Path) -> RgbdRecording:
     root = folder / "keyframes"
     corrected = (root / "corrected_cameras").is_dir() and (root / "corrected_images").is_dir()
     prefix = "corrected_" if corrected else ""
-    depths = sorted((root / "depth").glob("[!.]*.png"), key=lambda path: _number(path.stem))
+    depths = sorted((root / "depth").glob("[!.]*.png"), key=lambda path: frame_number(path.stem))
     poses: list[np.ndarray | None] = []
     colors, cameras, depth_cameras, sure = [], [], [], []
     for depth in depths:
@@ -253,20 +275,20 @@ def _polycam(folder: Path) -> RgbdRecording:
             cameras.append(KINECT)
             depth_cameras.append(KINECT)
         else:
-            data = _json(path)
+            data = read_json(path)
             try:
                 rows = [[float(data[f"t_{row}{column}"]) for column in range(4)] for row in range(3)]
                 camera = Intrinsics(*(float(data[key]) for key in ("fx", "fy", "cx", "cy")))
                 size = float(data["width"]), float(data["height"])
             except (KeyError, TypeError, ValueError) as error:
                 raise InputError(f"{path}: is no camera of Polycam ({type(error).__name__} {error})") from error
-            poses.append(_checked(np.array([*rows, [0, 0, 0, 1]]), path))
+            poses.append(checked_pose(np.array([*rows, [0, 0, 0, 1]]), path))
             cameras.append(camera)
-            depth_cameras.append(camera.scaled(size, _size(depths[0])))
+            depth_cameras.append(camera.scaled(size, image_size(depths[0])))
         images = root / f"{prefix}images"
-        colors.append(_first(images / f"{depth.stem}.jpg", images / f"{depth.stem}.png"))
-        sure.append(_first(root / "confidence" / depth.name))
-    return _recording("Polycam", depths, colors, _turned(poses), depth_cameras, cameras, sure, gravity="y")
+        colors.append(first_file(images / f"{depth.stem}.jpg", images / f"{depth.stem}.png"))
+        sure.append(first_file(root / "confidence" / depth.name))
+    return _recording("Polycam", depths, colors, turned_poses(poses), depth_cameras, cameras, sure, gravity="y")
 
 
 def _record3d_file(path: Path) -> RgbdRecording:
@@ -274,7 +296,7 @@ def _record3d_file(path: Path) -> RgbdRecording:
     try:
         archive = zipfile.ZipFile(path)
         names = set(archive.namelist())
-        data = _parsed(archive.read("metadata"), path)
+        data = parsed_json(archive.read("metadata"), path)
     except (zipfile.BadZipFile, KeyError, OSError) as error:
         raise InputError(f"{path}: damaged or no recording of Record3D ({str(error)[:80]})") from error
     return _record3d_frames(path, data, names, archive.read)
@@ -284,7 +306,7 @@ def _record3d(folder: Path) -> RgbdRecording:
     """Read what a .r3d file was unpacked to."""
     path = next(folder / name for name in ("metadata", "metadata.json") if (folder / name).is_file())
     names = {str(file.relative_to(folder)) for name in ("rgbd", "rgb", "depth") for file in (folder / name).glob("*")}
-    return _record3d_frames(folder, _json(path), names, lambda name: (folder / name).read_bytes())
+    return _record3d_frames(folder, read_json(path), names, lambda name: (folder / name).read_bytes())
 
 
 def _record3d_frames(
@@ -313,7 +335,7 @@ def _record3d_frames(
         raise InputError(
             f"{path}: {count} depth images, {len(poses)} poses and {len(cameras)} cameras; they must be as many"
         )
-    moves = [_from_quaternion(row[:4], row[4:], path) for row in poses]
+    moves = [pose_of_quaternion(row[:4], row[4:], path) for row in poses]
 
     def packed(index: int, ending: str, dtype: str) -> FrameImage | None:
         name = f"rgbd/{index}.{ending}"
@@ -323,7 +345,7 @@ def _record3d_frames(
     def color(index: int) -> FrameImage | None:
         name = f"rgbd/{index}.jpg"
         return (
-            FrameImage(f"{path}/{name}", lambda: _opened(io.BytesIO(read(name)), f"{path}/{name}"))
+            FrameImage(f"{path}/{name}", lambda: opened_image(io.BytesIO(read(name)), f"{path}/{name}"))
             if name in there
             else None
         )
@@ -334,7 +356,7 @@ def _record3d_frames(
     sure = [packed(index, "conf", "u1") for index in range(count)]
     depth_cameras = [each.scaled(size, (shape[1], shape[0])) for each in cameras]
     colors = [color(index) for index in range(count)]
-    return _recording("Record3D", depths, colors, _turned(moves), depth_cameras, cameras, sure, gravity="y")
+    return _recording("Record3D", depths, colors, turned_poses(moves), depth_cameras, cameras, sure, gravity="y")
 
 
 def _lzfse(data: bytes, shape: tuple[int, int], dtype: str, name: str) -> np.ndarray:
@@ -436,197 +458,6 @@ def _fits(camera: Intrinsics, picture: FrameImage, what: str) -> None:
 def _picture(source: Path | FrameImage | None) -> FrameImage | None:
     if isinstance(source, Path):
         return FrameImage(
-            str(source), partial(_array, source) if source.suffix == ".npy" else partial(_image, source), source
+            str(source), partial(read_array, source) if source.suffix == ".npy" else partial(read_image, source), source
         )
     return source
-
-
-def _image(path: Path) -> np.ndarray:
-    return _opened(path, str(path))
-
-
-def _opened(source: Path | io.BytesIO, name: str) -> np.ndarray:
-    from PIL import Image  # of the extra sim
-
-    try:
-        with Image.open(source) as opened:
-            return np.asarray(opened)
-    except (OSError, SyntaxError, ValueError) as error:
-        raise InputError(f"{name}: damaged or no image ({' '.join(str(error).split())[:80]})") from error
-
-
-def _array(path: Path) -> np.ndarray:
-    """Return the depth of a NPY file: floats are metres, integers units of the recording."""
-    try:
-        data = np.load(path, allow_pickle=False)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: damaged or no array ({str(error)[:80]})") from error
-    return data[..., 0] if data.ndim == 3 and data.shape[2] == 1 else data
-
-
-def _size(path: Path) -> tuple[float, float]:
-    """Return the width and height of an image, from its header alone."""
-    if path.suffix == ".npy":
-        height, width = _array(path).shape[:2]
-        return float(width), float(height)
-    from PIL import Image  # of the extra sim
-
-    try:
-        with Image.open(path) as opened:
-            return float(opened.size[0]), float(opened.size[1])
-    except (OSError, SyntaxError, ValueError) as error:
-        raise InputError(f"{path}: damaged or no image ({' '.join(str(error).split())[:80]})") from error
-
-
-def _all_there(depths: list[Path], path: Path) -> None:
-    missing = [depth for depth in depths if not depth.is_file()]
-    if missing:
-        raise InputError(f"{path}: {len(missing)} of {len(depths)} depth images are missing, first {missing[0].name}")
-
-
-def _pose(path: Path) -> np.ndarray | None:
-    """Return a camera's pose [4 4]; None where tracking was lost."""
-    return _checked(_matrix(path, (4, 4)), path)
-
-
-def _checked(pose: np.ndarray, path: Path) -> np.ndarray | None:
-    """Return a pose, or None if it is not finite.
-
-    Raises:
-        InputError: it is no rigid motion.
-    """
-    if pose.shape != (4, 4):
-        raise InputError(f"{path}: a pose has the shape {list(pose.shape)}; expected 4 rows of 4 numbers")
-    if not np.isfinite(pose).all():
-        return None
-    rotation = pose[:3, :3]
-    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=0.02) or np.linalg.det(rotation) < 0:
-        raise InputError(f"{path}: a pose is no rotation and translation; expected camera to world, in metres")
-    return pose
-
-
-def _turned(poses: Iterable[np.ndarray | None]) -> list[np.ndarray | None]:
-    """Return the poses of cameras that look along -z as those of cameras that look along z."""
-    return [None if pose is None else pose @ OPENGL for pose in poses]
-
-
-def _from_quaternion(q: np.ndarray, position: np.ndarray, path: Path) -> np.ndarray | None:
-    """Return a pose from a quaternion x, y, z, w and a position; None where they are not finite."""
-    if not np.isfinite([*q, *position]).all():
-        return None
-    length = float(np.linalg.norm(q))
-    if abs(length - 1) > 0.02:
-        raise InputError(f"{path}: a quaternion has the length {length:.3g}; expected 1")
-    x, y, z, w = q / length
-    pose = np.eye(4)
-    pose[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    pose[:3, 3] = position
-    return pose
-
-
-def _rotation(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation by a vector's length [rad] about it, shape [3 3]."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    rotation: np.ndarray = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    return rotation
-
-
-def _camera(path: Path) -> Intrinsics:
-    """Return the camera in a text file with 3 x 3 or 4 x 4 numbers."""
-    matrix = _matrix(path, (3, 3), (4, 4))
-    camera = Intrinsics(matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
-    if not (np.isfinite(matrix).all() and camera.fx > 1 and camera.fy > 1):
-        raise InputError(f"{path}: focal lengths are {camera.fx:g} and {camera.fy:g} pixels; expected a camera matrix")
-    return camera
-
-
-def _pincam(path: Path) -> tuple[tuple[float, float], Intrinsics]:
-    """Return the size of images, and the camera, of a .pincam file: width, height, fx, fy, cx, cy."""
-    numbers = _matrix(path, (1, 6))[0]
-    return (float(numbers[0]), float(numbers[1])), Intrinsics(*map(float, numbers[2:]))
-
-
-def _matrix(path: Path, *shapes: tuple[int, int], delimiter: str | None = None) -> np.ndarray:
-    """Return the numbers of a text file.
-
-    Raises:
-        InputError: no such file, no numbers, or another shape.
-    """
-    try:
-        matrix = np.loadtxt(path, dtype=np.float64, ndmin=2, delimiter=delimiter)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: is missing; a recording needs it for every frame") from error
-    except (ValueError, OSError) as error:
-        raise InputError(f"{path}: holds no matrix ({' '.join(str(error).split())[:80]})") from error
-    if matrix.shape not in shapes:
-        expected = " or ".join(f"{rows} x {columns}" for rows, columns in shapes)
-        raise InputError(f"{path}: holds {' x '.join(map(str, matrix.shape))} numbers; expected {expected}")
-    return matrix
-
-
-def _table(path: Path, columns: int, delimiter: str | None = None, skip: int = 0) -> np.ndarray:
-    """Return the rows of numbers of a text file, shape [row column].
-
-    Raises:
-        InputError: no such file, no numbers, or another number of columns.
-    """
-    try:
-        rows = np.loadtxt(path, dtype=np.float64, ndmin=2, delimiter=delimiter, skiprows=skip)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: is missing; it holds the poses") from error
-    except (ValueError, OSError) as error:
-        raise InputError(f"{path}: holds no table of poses ({' '.join(str(error).split())[:80]})") from error
-    if rows.shape[1] != columns or not len(rows):
-        raise InputError(f"{path}: {len(rows)} rows of {rows.shape[1]} numbers; expected {columns} a row")
-    return rows
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: is missing; the recording needs it") from error
-    return _parsed(data, path)
-
-
-def _parsed(data: bytes, path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(data)
-    except ValueError as error:
-        raise InputError(f"{path}: damaged or no JSON ({str(error)[:80]})") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: holds no JSON object")
-    return content
-
-
-def _first(*paths: Path) -> Path | None:
-    return next((path for path in paths if path.is_file()), None)
-
-
-def _number(stem: str) -> tuple[int, str]:
-    """Return a key that orders "2" before "10"."""
-    digits = re.findall(r"\d+", stem)
-    return (int(digits[-1]) if digits else -1, stem)
-
-
-def _seconds(path: Path) -> float:
-    """Return the time in a name such as "41048190_3414.349.png" [s]."""
-    try:
-        return float(path.stem.rsplit("_", 1)[-1])
-    except ValueError as error:
-        raise InputError(f"{path}: its name ends with no time; ARKitScenes has <video>_<seconds>") from error
-
-
-def _at(files: list[tuple[float, Path]], time: float) -> Path | None:
-    """Return the file of a time, within some milliseconds; None without one."""
-    times = np.array([each for each, _ in files])
-    index = int(np.argmin(np.abs(times - time))) if len(times) else -1
-    return files[index][1] if index >= 0 and abs(times[index] - time) < _POSE_TIME else None

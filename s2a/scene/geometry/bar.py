@@ -87,8 +87,8 @@ def bar_profile(region: Mesh, frame: np.ndarray, slices: int) -> Profile | None:
         return None
     ends = [head[head[:, 2] < head[:, 2].min() + HEAD, 0] for head in (heads[0], heads[-1])]
     edges[0], edges[-1] = np.quantile(ends[0], 0.005), np.quantile(ends[1], 0.995)
-    found = np.array([_section_bounds(head) for head in heads]).T
-    profile = Profile(edges, *(_straight(values) for values in median_filter(found, size=(1, 3), mode="nearest")))
+    bounds = np.array([_section_bounds(head) for head in heads]).T
+    profile = Profile(edges, *(_straight(values) for values in median_filter(bounds, size=(1, 3), mode="nearest")))
     return profile if profile.length > 2.5 * profile.thickness else None
 
 
@@ -232,11 +232,11 @@ def _posts(points: np.ndarray, profile: Profile, depth: float, ground: float) ->
 def _short(runs: list[list[int]], count: int) -> list[tuple[int, int]]:
     """Return runs (first, last + 1) of slices, those longer than a middle post without what lies in the middle."""
     start, end = round((1 - SPAN) / 2 * count), round((1 + SPAN) / 2 * count)
-    found = []
+    ranges = []
     for first, last in runs:
         is_web = last - first > MAX_POST_LENGTH * count and first < end and last > start
-        found += [(first, min(last, start)), (max(first, end), last)] if is_web else [(first, last)]
-    return [(first, last) for first, last in found if first < last]
+        ranges += [(first, min(last, start)), (max(first, end), last)] if is_web else [(first, last)]
+    return [(first, last) for first, last in ranges if first < last]
 
 
 def _is_post(out: np.ndarray, across: np.ndarray, profile: Profile, first: int, last: int) -> bool:
@@ -289,9 +289,9 @@ def _prism(support: np.ndarray, inside: np.ndarray, first: float, last: float) -
     """Return the prism from x = first to last [m] whose section reaches so far in each direction, around a point (y, z)."""
     planes = np.concatenate([_directions(), -support[:, None]], axis=1)
     try:
-        found = HalfspaceIntersection(planes, inside)
+        section = HalfspaceIntersection(planes, inside)
     except QhullError:
         return None
-    corners = np.unique(found.intersections.round(6), axis=0)
+    corners = np.unique(section.intersections.round(6), axis=0)
     ends = [np.insert(corners, 0, x, axis=1) for x in (first, last)]
     return hull(np.concatenate(ends))

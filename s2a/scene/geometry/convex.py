@@ -83,8 +83,8 @@ def overlap(a: Mesh, b: Mesh) -> float:
     planes = np.concatenate([halfspaces(a), halfspaces(b)])
     room = np.concatenate([planes[:, :3], np.ones((len(planes), 1))], axis=1)
     bounds = [(None, None)] * 3 + [(0.0, None)]
-    found = linprog([0, 0, 0, -1.0], A_ub=room, b_ub=-planes[:, 3], bounds=bounds, method="highs")
-    return float(found.x[3]) if found.status == 0 else 0.0
+    solution = linprog([0, 0, 0, -1.0], A_ub=room, b_ub=-planes[:, 3], bounds=bounds, method="highs")
+    return float(solution.x[3]) if solution.status == 0 else 0.0
 
 
 def cut_free(piece: Mesh, obstacle: Mesh, count: int = 1, min_volume: float = 0.0, margin: float = 1e-4) -> list[Mesh]:
@@ -103,15 +103,15 @@ def cut_free(piece: Mesh, obstacle: Mesh, count: int = 1, min_volume: float = 0.
     if overlap(piece, obstacle) <= APART:
         return [piece]
     planes = np.unique(halfspaces(obstacle).round(6), axis=0)
-    found: list[Mesh] = []
+    parts: list[Mesh] = []
     rest: Mesh | None = piece
-    while rest is not None and len(found) < count:
+    while rest is not None and len(parts) < count:
         part, plane = _largest_part(rest, planes, margin)
-        if part is None or (found and volume(part) < min_volume):
+        if part is None or (parts and volume(part) < min_volume):
             break
-        found.append(part)
+        parts.append(part)
         rest = clip(rest, plane[:3], margin - plane[3])
-    return found
+    return parts
 
 
 def _largest_part(piece: Mesh, planes: np.ndarray, margin: float) -> tuple[Mesh | None, np.ndarray]:
@@ -168,10 +168,10 @@ def _thickness(piece: Mesh) -> float:
 def _closed(corners: np.ndarray) -> Mesh:
     """Triangulate the hull of corners, faces outwards, in an order that depends on the corners alone."""
     corners = np.unique(corners.astype(np.float32), axis=0)
-    found = ConvexHull(corners.astype(np.float64))
-    faces = found.simplices.copy()
+    convex_hull = ConvexHull(corners.astype(np.float64))
+    faces = convex_hull.simplices.copy()
     a, b, c = np.moveaxis(corners[faces].astype(np.float64), 1, 0)
-    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) < 0
+    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), convex_hull.equations[:, :3]) < 0
     faces[inwards] = faces[inwards][:, ::-1]
     used, flat = np.unique(faces, return_inverse=True)
     return Mesh(corners[used], flat.reshape(faces.shape))
@@ -220,7 +220,7 @@ def vhacd(mesh: Mesh, hulls: int, resolution: int, max_vertices: int) -> list[Me
     """
     if len(mesh.faces) < 4:
         return one_hull(mesh, max_vertices)
-    found = vhacdx.compute_vhacd(
+    parts = vhacdx.compute_vhacd(
         mesh.vertices.astype(np.float64),
         np.concatenate([np.full((len(mesh.faces), 1), 3), mesh.faces], axis=1).astype(np.uint32).ravel(),
         maxConvexHulls=hulls,
@@ -228,14 +228,14 @@ def vhacd(mesh: Mesh, hulls: int, resolution: int, max_vertices: int) -> list[Me
         maxNumVerticesPerCH=64,
         asyncACD=False,
     )
-    return _pieces([points for points, _ in found], max_vertices)
+    return _pieces([points for points, _ in parts], max_vertices)
 
 
 def coacd_default(mesh: Mesh, max_vertices: int, seed: int) -> list[Mesh]:
     """Decompose by CoACD with the library's own settings (threshold 0.05)."""
     coacd.set_log_level("error")
-    found = coacd.run_coacd(coacd.Mesh(mesh.vertices.astype(np.float64), mesh.faces), seed=seed)
-    return _pieces([points for points, _ in found], max_vertices)
+    parts = coacd.run_coacd(coacd.Mesh(mesh.vertices.astype(np.float64), mesh.faces), seed=seed)
+    return _pieces([points for points, _ in parts], max_vertices)
 
 
 def _pieces(clouds: list[np.ndarray], max_vertices: int) -> list[Mesh]:
@@ -310,7 +310,7 @@ def loops(edges: np.ndarray) -> list[np.ndarray]:
     onwards: dict[int, list[int]] = {}
     for start, end in edges.tolist():
         onwards.setdefault(start, []).append(end)
-    found = []
+    walks = []
     while onwards:
         first = here = next(iter(onwards))
         walk: list[int] = []
@@ -321,8 +321,8 @@ def loops(edges: np.ndarray) -> list[np.ndarray]:
             if not ends:
                 del onwards[here]
             here = after
-        found.append(np.array(walk))
-    return found
+        walks.append(np.array(walk))
+    return walks
 
 
 def drop_small_components(mesh: Mesh, min_area_fraction: float) -> Mesh:

@@ -97,10 +97,10 @@ def true_sides(points: np.ndarray, circle: tuple[float, float, float], face: flo
         upper, lower = ((sector == k) & (deep > a) & (deep < a + HEAD / 3) for a in (HEAD / 6, HEAD / 2))
         if min(upper.sum(), lower.sum()) >= MIN_POINTS:
             flares[k] = np.quantile(radius[lower], 0.5) - np.quantile(radius[upper], 0.9)
-    known = np.isfinite(flares)
-    if known.sum() < SECTORS / 2:
+    measured = np.isfinite(flares)
+    if measured.sum() < SECTORS / 2:
         return np.ones(SECTORS, bool)
-    return flares < np.quantile(flares[known], 0.25) + UNEVEN
+    return flares < np.quantile(flares[measured], 0.25) + UNEVEN
 
 
 def knob_profile(
@@ -119,20 +119,21 @@ def knob_profile(
     radius = np.linalg.norm(out, axis=1)
     sector, shown = sectors(points, circle), true_sides(points, circle, face)
     depths = np.append(np.arange(face + STEP / 2, front - STEP, STEP), front)
-    found = []
+    rows = []
     for depth in depths:
         here = np.abs(points[:, 2] - depth) < STEP / 2
         inner = radius[here & (radius < 0.8 * circle[2])]
         share = 0.95 if depth == depths[0] and len(inner) else 0.5
         among = np.flatnonzero(shown) if depth < face + HEAD else range(SECTORS)
         sides = [np.quantile(radius[k], share) for s in among if (k := here & (sector == s)).sum() >= MIN_POINTS]
-        found.append(np.quantile(sides, [0.5, TRUER]) if len(sides) >= 3 else [np.nan] * 2)
-    profiles = np.array(found)
-    known = np.isfinite(profiles[:, 0])
-    if not known.any():
+        rows.append(np.quantile(sides, [0.5, TRUER]) if len(sides) >= 3 else [np.nan] * 2)
+    profiles = np.array(rows)
+    measured = np.isfinite(profiles[:, 0])
+    if not measured.any():
         return [(np.array([circle[2], face]), np.array([circle[2], front]))]
     radii, truer = (
-        median_filter(np.interp(depths, depths[known], values[known]), size=3, mode="nearest") for values in profiles.T
+        median_filter(np.interp(depths, depths[measured], values[measured]), size=3, mode="nearest")
+        for values in profiles.T
     )
     depths[0] = face
     radii = _sharp(radii, depths - face)
@@ -194,10 +195,10 @@ def _circle(points: np.ndarray) -> tuple[float, float, float] | None:
     def off(circle: np.ndarray) -> np.ndarray:
         return np.linalg.norm(points - circle[:2], axis=1) - circle[2]
 
-    found = least_squares(off, start, loss="soft_l1", f_scale=0.001).x
-    x, y, radius = map(float, found)
+    circle = least_squares(off, start, loss="soft_l1", f_scale=0.001).x
+    x, y, radius = map(float, circle)
     around = np.unique(np.floor(np.arctan2(points[:, 1] - y, points[:, 0] - x) / (np.pi / 4)))
-    is_round = np.sqrt(np.mean(off(found) ** 2)) < ROUND * radius and len(around) >= 6
+    is_round = np.sqrt(np.mean(off(circle) ** 2)) < ROUND * radius and len(around) >= 6
     return (x, y, radius) if is_round and radius < 2 * start[2] else None
 
 

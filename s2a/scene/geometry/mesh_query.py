@@ -25,11 +25,11 @@ _kept: dict[int, RayMesh] = {}
 
 def kept_ray_mesh(mesh: Mesh) -> RayMesh:
     """Return what `ray_mesh` does of a mesh's arrays, made once and kept as long as the mesh, which never changes."""
-    found = _kept.get(id(mesh))
-    if found is None:
-        found = _kept[id(mesh)] = ray_mesh(mesh.vertices, mesh.faces)
+    tree = _kept.get(id(mesh))
+    if tree is None:
+        tree = _kept[id(mesh)] = ray_mesh(mesh.vertices, mesh.faces)
         weakref.finalize(mesh, _kept.pop, id(mesh), None).atexit = False
-    return found
+    return tree
 
 
 class Forest:
@@ -60,26 +60,26 @@ def _nearest(
     gap: wp.array(dtype=float),
 ):
     tid = wp.tid()
-    found = wp.mesh_query_point_no_sign(mesh, points[tid], reach)
+    nearest = wp.mesh_query_point_no_sign(mesh, points[tid], reach)
     face[tid] = -1
-    if found.result:
-        face[tid] = found.face
-        gap[tid] = wp.length(wp.mesh_eval_position(mesh, found.face, found.u, found.v) - points[tid])
+    if nearest.result:
+        face[tid] = nearest.face
+        gap[tid] = wp.length(wp.mesh_eval_position(mesh, nearest.face, nearest.u, nearest.v) - points[tid])
 
 
 def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
     """Return the face nearest to each point (-1: none within reach) and its distance [m] (then inf), shape [point] each."""
-    asked = np.ascontiguousarray(points, np.float32)
-    face, gap = np.full(len(asked), -1, np.int32), np.full(len(asked), np.inf, np.float32)
+    places = np.ascontiguousarray(points, np.float32)
+    face, gap = np.full(len(places), -1, np.int32), np.full(len(places), np.inf, np.float32)
     if not mesh.indices.shape[0]:  # Warp 1.19 follows the tree of a mesh without faces into nowhere
         return face, gap
 
     def ask(some: slice) -> None:
         outputs = [wp.array(a[some], device="cpu", copy=False) for a in (face, gap)]
-        inputs = [mesh.id, wp.array(asked[some], dtype=wp.vec3, device="cpu", copy=False), reach]
-        wp.launch(_nearest, dim=len(asked[some]), inputs=inputs, outputs=outputs, device="cpu")
+        inputs = [mesh.id, wp.array(places[some], dtype=wp.vec3, device="cpu", copy=False), reach]
+        wp.launch(_nearest, dim=len(places[some]), inputs=inputs, outputs=outputs, device="cpu")
 
-    in_parallel(ask, chunks(len(asked)))
+    in_parallel(ask, chunks(len(places)))
     return face, gap
 
 
@@ -95,16 +95,16 @@ def _nearest_of_solids(
     tid = wp.tid()
     face[tid] = -1
     limit = reach
-    found = wp.mesh_query_point_no_sign(mesh, points[tid], limit)
-    if not found.result:
+    nearest = wp.mesh_query_point_no_sign(mesh, points[tid], limit)
+    if not nearest.result:
         up = wp.vec3(0.0, 0.0, 1.0)
         above = wp.mesh_query_ray(mesh, points[tid], up, 100.0)
         below = wp.mesh_query_ray(mesh, points[tid], -up, 100.0)
         if (above.result and above.normal[2] > 0.0) or (below.result and below.normal[2] < 0.0):
-            found = wp.mesh_query_point_no_sign(mesh, points[tid], reach + inside)
-    if found.result:
-        face[tid] = found.face
-        gap[tid] = wp.length(wp.mesh_eval_position(mesh, found.face, found.u, found.v) - points[tid])
+            nearest = wp.mesh_query_point_no_sign(mesh, points[tid], reach + inside)
+    if nearest.result:
+        face[tid] = nearest.face
+        gap[tid] = wp.length(wp.mesh_eval_position(mesh, nearest.face, nearest.u, nearest.v) - points[tid])
 
 
 def nearest_faces_of_solids(
@@ -114,17 +114,17 @@ def nearest_faces_of_solids(
 
     Most points are far from every face, and are soon known to be by so short a reach and two rays that leave no solid.
     """
-    asked = np.ascontiguousarray(points, np.float32)
-    face, gap = np.full(len(asked), -1, np.int32), np.full(len(asked), np.inf, np.float32)
+    places = np.ascontiguousarray(points, np.float32)
+    face, gap = np.full(len(places), -1, np.int32), np.full(len(places), np.inf, np.float32)
     if not mesh.indices.shape[0]:
         return face, gap
 
     def ask(some: slice) -> None:
         outputs = [wp.array(a[some], device="cpu", copy=False) for a in (face, gap)]
-        inputs = [mesh.id, wp.array(asked[some], dtype=wp.vec3, device="cpu", copy=False), reach, inside]
-        wp.launch(_nearest_of_solids, dim=len(asked[some]), inputs=inputs, outputs=outputs, device="cpu")
+        inputs = [mesh.id, wp.array(places[some], dtype=wp.vec3, device="cpu", copy=False), reach, inside]
+        wp.launch(_nearest_of_solids, dim=len(places[some]), inputs=inputs, outputs=outputs, device="cpu")
 
-    in_parallel(ask, chunks(len(asked)))
+    in_parallel(ask, chunks(len(places)))
     return face, gap
 
 
@@ -140,9 +140,9 @@ def _nearest_of(
     best = reach
     index[tid] = -1
     for i in range(meshes.shape[0]):
-        found = wp.mesh_query_point_no_sign(meshes[i], points[tid], best)
-        if found.result:
-            away = wp.length(wp.mesh_eval_position(meshes[i], found.face, found.u, found.v) - points[tid])
+        nearest = wp.mesh_query_point_no_sign(meshes[i], points[tid], best)
+        if nearest.result:
+            away = wp.length(wp.mesh_eval_position(meshes[i], nearest.face, nearest.u, nearest.v) - points[tid])
             if index[tid] < 0 or away < best:
                 index[tid] = i
                 gap[tid] = away
@@ -151,11 +151,11 @@ def _nearest_of(
 
 def nearest_meshes(forest: Forest, points: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the mesh nearest to each point (-1: none within reach) and its distance [m] (then inf), shape [point] each."""
-    asked = np.ascontiguousarray(points, np.float32)
-    index, gap = np.full(len(asked), -1, np.int32), np.full(len(asked), np.inf, np.float32)
-    inputs = [forest.ids, wp.array(asked, dtype=wp.vec3, device="cpu", copy=False), reach]
+    places = np.ascontiguousarray(points, np.float32)
+    index, gap = np.full(len(places), -1, np.int32), np.full(len(places), np.inf, np.float32)
+    inputs = [forest.ids, wp.array(places, dtype=wp.vec3, device="cpu", copy=False), reach]
     outputs = [wp.array(a, device="cpu", copy=False) for a in (index, gap)]
-    wp.launch(_nearest_of, dim=len(asked), inputs=inputs, outputs=outputs, device="cpu")
+    wp.launch(_nearest_of, dim=len(places), inputs=inputs, outputs=outputs, device="cpu")
     return index, gap
 
 
@@ -221,11 +221,11 @@ def visible_distance(
         reach: maximum distance [m].
     """
     start = np.asarray(start, np.float32)
-    asked = wp.array(start, dtype=wp.vec3, device="cpu")
+    starts = wp.array(start, dtype=wp.vec3, device="cpu")
     toward = wp.array(np.broadcast_to(direction, start.shape).astype(np.float32), dtype=wp.vec3, device="cpu")
     distance = wp.empty(len(start), dtype=float, device="cpu")
     behind = wp.zeros(len(start), dtype=wp.bool, device="cpu")
-    wp.launch(_look, dim=len(start), inputs=[mesh.id, asked, toward, reach], outputs=[distance, behind], device="cpu")
+    wp.launch(_look, dim=len(start), inputs=[mesh.id, starts, toward, reach], outputs=[distance, behind], device="cpu")
     return distance.numpy(), behind.numpy()
 
 
@@ -290,20 +290,20 @@ def crossing(mesh: Mesh, obstacles: Mesh) -> int | None:
 
 def winding(mesh: Mesh, points: np.ndarray) -> np.ndarray:
     """Return how often a surface winds around points [point 3], shape [point]: 1 inside, 0 outside, between if it is open."""
-    asked = wp.array(np.asarray(points, np.float32), dtype=wp.vec3, device="cpu")
-    found = wp.zeros(len(asked), dtype=float, device="cpu")
-    wp.launch(_wind, dim=len(asked), inputs=[_corners(mesh), asked], outputs=[found], device="cpu")
-    return found.numpy()
+    places = wp.array(np.asarray(points, np.float32), dtype=wp.vec3, device="cpu")
+    turns = wp.zeros(len(places), dtype=float, device="cpu")
+    wp.launch(_wind, dim=len(places), inputs=[_corners(mesh), places], outputs=[turns], device="cpu")
+    return turns.numpy()
 
 
 def inside(mesh: Mesh, points: np.ndarray) -> np.ndarray:
     """Return which points [point 3] a surface encloses, shape [point]; holes of a scan are bridged."""
-    found = np.zeros(len(points), bool)
+    within = np.zeros(len(points), bool)
     low, high = mesh.bounds
     near = ((points > low) & (points < high)).all(axis=1)
     if near.any():
-        found[near] = winding(mesh, points[near]) > SOLID
-    return found
+        within[near] = winding(mesh, points[near]) > SOLID
+    return within
 
 
 def depth(mesh: Mesh, obstacles: Mesh, reach: float = 0.03) -> float:

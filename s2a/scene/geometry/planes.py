@@ -96,12 +96,12 @@ def rectangles(taken: np.ndarray, count: int, min_fraction: float) -> list[tuple
         Pairs of first cell and last cell + 1, shape [2] each; a rectangle holds true cells only.
     """
     left = taken.copy()
-    found: list[tuple[np.ndarray, np.ndarray]] = []
-    while len(found) < count and left.sum() > (1 - min_fraction) * taken.sum():
+    intervals: list[tuple[np.ndarray, np.ndarray]] = []
+    while len(intervals) < count and left.sum() > (1 - min_fraction) * taken.sum():
         first, last = _largest_rectangle(left)
         left[first[0] : last[0], first[1] : last[1]] = False
-        found.append((first, last))
-    return found
+        intervals.append((first, last))
+    return intervals
 
 
 def _best_plane(

@@ -75,13 +75,13 @@ def horizontal_planes(mesh: Mesh, config: PlaneConfig) -> list[Plane]:
     faces_up = smoothed_normals(mesh, UP, config.smoothing_rounds) @ UP > np.cos(config.max_tilt)
     left = np.flatnonzero(faces_up & (mesh.face_areas > 0))
     middle, areas = centroids(mesh), mesh.face_areas
-    found: list[Plane] = []
-    while len(found) < config.max_planes and areas[left].sum() > config.min_area:
+    planes: list[Plane] = []
+    while len(planes) < config.max_planes and areas[left].sum() > config.min_area:
         taken, normal, offset = _level(middle[left], areas[left], config)
         if areas[left[taken]].sum() > config.min_area:
-            found.append(Plane(normal, offset, left[taken]))
+            planes.append(Plane(normal, offset, left[taken]))
         left = left[~taken]
-    return found
+    return planes
 
 
 def vertical_planes(mesh: Mesh, config: PlaneConfig) -> list[Plane]:
@@ -259,16 +259,16 @@ def support_regions(
     """
     if not len(mesh.faces):
         return []
-    found: list[Region] = []
+    regions: list[Region] = []
     if set(kinds) != {"vertical"}:
         planes = horizontal_planes(mesh, config.plane)
         some = [region for plane in planes for region in _split(mesh, plane, config.min_area, around, config)]
-        found += sorted((region for region in some if region.kind in kinds), key=lambda region: -region.area)
+        regions += sorted((region for region in some if region.kind in kinds), key=lambda region: -region.area)
     if "vertical" in kinds:
         planes = vertical_planes(mesh, config.plane)
         some = [region for plane in planes for region in _split(mesh, plane, config.min_vertical_area, around, config)]
-        found += sorted(some, key=lambda region: -region.area)
-    return found
+        regions += sorted(some, key=lambda region: -region.area)
+    return regions
 
 
 def _split(mesh: Mesh, plane: Plane, smallest: float, around: Sequence[Mesh], config: RegionConfig) -> Iterator[Region]:

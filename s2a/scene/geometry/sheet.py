@@ -241,10 +241,10 @@ def _line(along: np.ndarray, values: np.ndarray) -> np.ndarray | None:
     start, end = np.quantile(along, [0.005, 0.995])
     edges = np.linspace(start, end, BINS + 1)
     piece = np.clip(np.searchsorted(edges, along) - 1, 0, BINS - 1)
-    known = np.array([k for k in range(BINS) if (piece == k).sum() >= MIN_POINTS])
-    if len(known) < KNOWN * BINS:
+    bins = np.array([k for k in range(BINS) if (piece == k).sum() >= MIN_POINTS])
+    if len(bins) < KNOWN * BINS:
         return None
-    places, medians = np.array([(np.median(along[piece == k]), np.median(values[piece == k])) for k in known]).T
+    places, medians = np.array([(np.median(along[piece == k]), np.median(values[piece == k])) for k in bins]).T
     line = np.polyfit(places, medians, 1)
     return line if (np.abs(np.polyval(line, places) - medians) < LIKE).mean() > KNOWN else None
 

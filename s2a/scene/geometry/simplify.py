@@ -116,12 +116,12 @@ def decimate_room(scene: Scene, parts: Sequence[str], config: DecimateConfig) ->
     """Return parts as one mesh with fewer faces, with the colours and the part of each face carried over."""
     flat = np.array([is_structure(scene.parts[i].label, config.structure_labels) for i in parts], bool)
     groups = [("structure", flat, config.structure), ("other", ~flat, config.other)]
-    found = [
+    results = [
         _decimate_group(scene, name, [(k, i) for k, i in enumerate(parts) if chosen[k]], ratio, config)
         for name, chosen, ratio in track(groups, "decimate")
         if chosen.any()
     ]
-    meshes, owners, reductions = zip(*found, strict=True) if found else ((), (), ())
+    meshes, owners, reductions = zip(*results, strict=True) if results else ((), (), ())
     owner = np.concatenate(owners) if owners else np.empty(0)
     return Decimated(merge(meshes), tuple(parts), owner.astype(np.int32), tuple(reductions))
 
@@ -148,9 +148,9 @@ def decimate_within(mesh: Mesh, tree: RayMesh, config: DecimateConfig) -> tuple[
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         tried = decimate(mesh, math.exp(middle), config.aggressiveness)
-        found = deviation(mesh, tried, config.samples, tree=tree)
-        if found.p99 <= config.max_error:
-            best, error, high = tried, found, middle
+        offset = deviation(mesh, tried, config.samples, tree=tree)
+        if offset.p99 <= config.max_error:
+            best, error, high = tried, offset, middle
         else:
             low = middle
     return best, error
@@ -165,13 +165,13 @@ def _decimate_group(
     owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
 
     def make() -> dict[str, np.ndarray]:
-        mesh, part, asked, error = _fewer(weld(merge(meshes)), owner, ratio, config)
-        figures = np.array([asked, error.mean, error.p99, error.max])
+        mesh, part, wanted, error = _fewer(weld(merge(meshes)), owner, ratio, config)
+        figures = np.array([wanted, error.mean, error.p99, error.max])
         return {**pack([mesh]), "part": part, "figures": figures}
 
-    found = recall("decimate", [*meshes, name, repr((ratio, config))], make)
-    mesh, (asked, *error) = unpack(found)[0], found["figures"].tolist()
-    return mesh, number[found["part"]], Reduction(name, len(owner), len(mesh.faces), round(asked), *error)
+    record = recall("decimate", [*meshes, name, repr((ratio, config))], make)
+    mesh, (wanted, *error) = unpack(record)[0], record["figures"].tolist()
+    return mesh, number[record["part"]], Reduction(name, len(owner), len(mesh.faces), round(wanted), *error)
 
 
 def _fewer(
@@ -186,14 +186,14 @@ def _fewer(
     tree = ray_mesh(whole.vertices, whole.faces)
     if config.mode == "error":
         fewer, error = decimate_within(whole, tree, config)
-        asked = len(fewer.faces)
+        wanted = len(fewer.faces)
     else:
-        fewer, asked = decimate(whole, ratio, config.aggressiveness), round(ratio * len(whole.faces))
+        fewer, wanted = decimate(whole, ratio, config.aggressiveness), round(ratio * len(whole.faces))
         error = deviation(whole, fewer, config.samples, tree=tree)
     if len(fewer.faces) == len(whole.faces) or not fewer.face_areas.any():
-        return whole, owner, asked, Deviation(0.0, 0.0, 0.0)
+        return whole, owner, wanted, Deviation(0.0, 0.0, 0.0)
     colored = Mesh(fewer.vertices, fewer.faces, _nearest_colors(whole, tree, fewer.vertices))
-    return colored, owner[nearest_faces(tree, centroids(fewer))[0]], asked, error
+    return colored, owner[nearest_faces(tree, centroids(fewer))[0]], wanted, error
 
 
 def _collapse(mesh: Mesh, target: int, aggressiveness: float) -> Mesh:

@@ -53,13 +53,13 @@ def _chain(points: np.ndarray, order: np.ndarray, tolerance: float) -> list[int]
     """Return one half of the hull of points in lexicographic order (Andrew's monotone chain), both ends included."""
     chain: list[int] = []
     coordinates = points[order].tolist()
-    kept: list[list[float]] = []
+    corners: list[list[float]] = []
     for index, (x, y) in zip(order.tolist(), coordinates, strict=True):
-        while len(chain) > 1 and _cross(kept[-2], kept[-1], x, y) <= tolerance:
+        while len(chain) > 1 and _cross(corners[-2], corners[-1], x, y) <= tolerance:
             chain.pop()
-            kept.pop()
+            corners.pop()
         chain.append(index)
-        kept.append([x, y])
+        corners.append([x, y])
     return chain
 
 

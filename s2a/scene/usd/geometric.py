@@ -218,9 +218,9 @@ def _read_motion(stage: Usd.Stage, prim: Usd.Prim) -> Motion:
     joint = stage.GetPrimAtPath(f"{JOINTS}/{_id(prim)}")
     if not joint:
         raise InputError(f"{where(prim)} is {motion} but {JOINTS}/{_id(prim)} is missing; export the scan again")
-    found = placed(read_joint(joint), prim)
-    if max(map(abs, found.origin)) > MAX_COORDINATE:
+    moved_joint = placed(read_joint(joint), prim)
+    if max(map(abs, moved_joint.origin)) > MAX_COORDINATE:
         raise InputError(
-            f"{where(joint)}: s2a:origin {found.origin} is beyond {MAX_COORDINATE:g} m; export the scan again"
+            f"{where(joint)}: s2a:origin {moved_joint.origin} is beyond {MAX_COORDINATE:g} m; export the scan again"
         )
-    return found
+    return moved_joint

@@ -127,18 +127,18 @@ def read_resistance(joint: Usd.Prim) -> Resistance | None:
         InputError: a number below 0 or infinite, or a soft close of which one is missing.
     """
     names = (*SETTINGS, "breakaway", *(f"softClose:{name}" for name in SOFT_CLOSE))
-    found = {name: read_attribute(joint, name, float) for name in names}
-    for name, value in found.items():
+    values = {name: read_attribute(joint, name, float) for name in names}
+    for name, value in values.items():
         if value is not None and not (0.0 <= value < math.inf):
             raise InputError(f"{where(joint)}: s2a:{name} is {value:g}; expected 0 or more: identify the joint again")
-    if set(found.values()) == {None}:
+    if set(values.values()) == {None}:
         return None
-    closes = [found[name] for name in names[3:]]
+    closes = [values[name] for name in names[3:]]
     if None in closes and set(closes) != {None}:
         missing = names[3 + closes.index(None)]
         raise InputError(f"{where(joint)} has a soft close without s2a:{missing}; identify the joint again")
     soft = None if None in closes else SoftClose(*closes)
-    return Resistance(found["damping"], found["stiffness"], found["breakaway"] or 0.0, soft)
+    return Resistance(values["damping"], values["stiffness"], values["breakaway"] or 0.0, soft)
 
 
 SITE_RADIUS = 0.01

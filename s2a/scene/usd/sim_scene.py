@@ -226,15 +226,15 @@ class SimRoom:
         Raises:
             InputError: there is no such part, or several where none is named; it lists them.
         """
-        known = ", ".join(self.articulations) or "none"
+        possible = ", ".join(self.articulations) or "none"
         if part is None and len(self.articulations) == 1:
             return next(iter(self.articulations))
         if part is None:
             raise InputError(
-                f"room {self.name!r} has {len(self.articulations)} articulated parts; give part= one of: {known}"
+                f"room {self.name!r} has {len(self.articulations)} articulated parts; give part= one of: {possible}"
             )
         if part not in self.articulations:
-            raise InputError(f"part {part!r} is no articulated part of room {self.name!r}; possible: {known}")
+            raise InputError(f"part {part!r} is no articulated part of room {self.name!r}; possible: {possible}")
         return part
 
 

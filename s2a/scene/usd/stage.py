@@ -291,5 +291,5 @@ def problems(path: Path) -> list[str]:
 def broken_rules(stage: Usd.Stage) -> list[str]:
     """Run all validators over an open stage of any kind; one line for each error or warning."""
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
-    found = UsdValidation.ValidationContext(validators).Validate(stage)
-    return [" ".join(error.GetErrorAsString().split()) for error in found if error.GetType() in SERIOUS]
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    return [" ".join(error.GetErrorAsString().split()) for error in errors if error.GetType() in SERIOUS]

@@ -25,8 +25,8 @@ def files(path: Path) -> list[Path]:
     with reading(path):
         stage = Usd.Stage.Open(str(path))  # its layers live as long as it does
         # Of a layer in a .usdz this is the package.
-        found = [Ar.SplitPackageRelativePathOuter(layer.realPath)[0] for layer in stage.GetUsedLayers()]
-        others = {Path(os.path.realpath(name)) for name in found if name}
+        names = [Ar.SplitPackageRelativePathOuter(layer.realPath)[0] for layer in stage.GetUsedLayers()]
+        others = {Path(os.path.realpath(name)) for name in names if name}
     return [path, *sorted(others - {Path(os.path.realpath(path))})]
 
 
@@ -65,10 +65,10 @@ def layer_hash(path: Path) -> str:
 def write_stamp(path: Path, parts: Mapping[str, bool]) -> None:
     """Stamp verdicts into a stage's own layer, beside those of other parts of the same content."""
     earlier, digest = read_stamp(path), content_hash(path)
-    kept = earlier.parts if earlier and earlier.valid else {}
+    earlier_parts = earlier.parts if earlier and earlier.valid else {}
     with atomic_write(path) as out:
         layer = _copy(path)
-        verdicts = {part: bool(passed) for part, passed in {**kept, **parts}.items()}
+        verdicts = {part: bool(passed) for part, passed in {**earlier_parts, **parts}.items()}
         layer.customLayerData = {**layer.customLayerData, KEY: {"sha256": digest, "parts": verdicts}}
         save_layer(layer, out, (path.suffix,))
 
@@ -76,11 +76,11 @@ def write_stamp(path: Path, parts: Mapping[str, bool]) -> None:
 def read_stamp(path: Path) -> Stamp | None:
     """Return the stamp of a stage; None where there is none, or none that can be read."""
     with reading(path):
-        found = _open(path).customLayerData.get(KEY)
-    if not isinstance(found, dict) or not isinstance(found.get("parts"), dict):
+        record = _open(path).customLayerData.get(KEY)
+    if not isinstance(record, dict) or not isinstance(record.get("parts"), dict):
         return None
-    parts = {str(part): bool(passed) for part, passed in found["parts"].items()}
-    digest = str(found.get("sha256"))
+    parts = {str(part): bool(passed) for part, passed in record["parts"].items()}
+    digest = str(record.get("sha256"))
     return Stamp(digest, parts, digest == content_hash(path))
 
 

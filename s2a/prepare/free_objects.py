@@ -151,18 +151,18 @@ def free_objects(
     Raises:
         InputError: one of them cannot be extracted (see `free_object`), or stands on one of them or on a part that moves.
     """
-    found: list[FreeObject] = []
+    objects: list[FreeObject] = []
     for part in dict.fromkeys(parts):
-        found.append(free_object(scene, part, config, [item.top for item in found if item.top]))
+        objects.append(free_object(scene, part, config, [item.top for item in objects if item.top]))
     moving = {i for part in articulated for i in (part, *scene.descendants(part))}
-    moving |= {i for item in found for i in item.members}
-    for item in found:
+    moving |= {i for item in objects for i in item.members}
+    for item in objects:
         below = item.below
         if below in moving:
             raise InputError(
                 f"free={item.body.id}: it stands on {below!r}, which moves too; leave one of them as it is"
             )
-    return [replace(item, support=_beside(item, [o for o in found if o is not item])) for item in found]
+    return [replace(item, support=_beside(item, [o for o in objects if o is not item])) for item in objects]
 
 
 def level_tops(objects: Sequence[FreeObject]) -> list[LevelTop]:
@@ -294,8 +294,8 @@ def _lowest(surface: Mesh) -> np.ndarray:
 
 def _hulls(solid: Mesh, ground: float, config: FreeConfig) -> list[Mesh]:
     """Return convex hulls above the ground."""
-    found = vhacd(solid, config.hulls, config.resolution, config.max_vertices)
-    cut = [clip(piece, np.array([0.0, 0.0, -1.0]), -ground) for piece in found]
+    pieces = vhacd(solid, config.hulls, config.resolution, config.max_vertices)
+    cut = [clip(piece, np.array([0.0, 0.0, -1.0]), -ground) for piece in pieces]
     return [piece for piece in cut if piece is not None]
 
 

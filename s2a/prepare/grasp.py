@@ -140,8 +140,8 @@ def heading(scene: Scene, target: str) -> np.ndarray:
 def floor_points(scene: Scene) -> np.ndarray:
     """Return points of the floor [m], of the parts labelled so, shape [point 3], by increasing x; none where no part is."""
     floors = merge([part.mesh for part in scene.parts.values() if is_structure(part.label, FLOOR)])
-    found = centroids(floors)[normals(floors)[:, 2] > 0.5]
-    return found[np.argsort(found[:, 0], kind="stable")]
+    level = centroids(floors)[normals(floors)[:, 2] > 0.5]
+    return level[np.argsort(level[:, 0], kind="stable")]
 
 
 def lowest_point(scene: Scene) -> np.ndarray:
@@ -328,11 +328,11 @@ def bodies(scene: Scene, articulated: Collection[str]) -> dict[str, str | None]:
     joints that are not among the `articulated` are frozen.
     """
     roots = {scene.root(i) for i in articulated}
-    found: dict[str, str | None] = {}
+    owners: dict[str, str | None] = {}
     for i, part in scene.parts.items():  # parents before children
-        above = None if part.parent is None else found[part.parent]
-        found[i] = i if i in articulated or (part.parent is None and i in roots) else above
-    return found
+        above = None if part.parent is None else owners[part.parent]
+        owners[i] = i if i in articulated or (part.parent is None and i in roots) else above
+    return owners
 
 
 def parent_body(scene: Scene, part: str, owners: dict[str, str | None]) -> str:

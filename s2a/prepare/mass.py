@@ -94,7 +94,7 @@ def cabinet_walls(surface: Mesh, target: Target) -> list[Mesh]:
     if not FLATTEST < high[2] - low[2] < DEEPEST_FRONT:
         return []
     points = sample(surface, int(4 * surface.face_areas.sum() / CELL**2), 0) @ frame
-    found = []
+    boxes = []
     for normal, side in ((0, 0), (0, 1), (2, 1)):  # left and right of the front, and the back
         at = (low, high)[side][normal]
         close = points[np.abs(points[:, normal] - at) < NEAR]
@@ -103,8 +103,8 @@ def cabinet_walls(surface: Mesh, target: Target) -> list[Mesh]:
         if ends >= SEEN > _filled(close[:, spans], low[spans], high[spans]):
             first, last = low.copy(), high.copy()
             first[normal], last[normal] = (at - WALL, at) if side else (at, at + WALL)
-            found.append(box(frame @ ((first + last) / 2), frame, last - first))
-    return found
+            boxes.append(box(frame @ ((first + last) / 2), frame, last - first))
+    return boxes
 
 
 def _filled(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:

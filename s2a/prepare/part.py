@@ -67,41 +67,41 @@ Asked = tuple[str, tuple[str, ...]]
 
 
 def part_results(
-    scene: Scene, asked: Sequence[Asked], config: PartConfig, meanwhile: Callable[[], object] | None = None
+    scene: Scene, wanted: Sequence[Asked], config: PartConfig, meanwhile: Callable[[], object] | None = None
 ) -> dict[str, PartResult | InputError]:
     """Return what was found for each part, or why it cannot be prepared.
 
     Args:
         scene: the room.
-        asked: articulated parts, each with the parts of its body.
+        wanted: articulated parts, each with the parts of its body.
         config: how.
         meanwhile: other work for this process, where helpers begin with the parts.
     """
     whole = key([*(part.mesh for part in scene.parts.values()), _facts(scene), repr(config)])
-    keys = {part: [whole, part, repr(members)] for part, members in asked}
-    found: dict[str, PartResult | InputError] = {}
+    keys = {part: [whole, part, repr(members)] for part, members in wanted}
+    results: dict[str, PartResult | InputError] = {}
     missing = []
-    for part, members in asked:
+    for part, members in wanted:
         entry = find("part", keys[part])
         if entry is None:
             missing.append((part, members))
         else:
-            found[part] = _unpacked(scene, part, members, entry)
+            results[part] = _unpacked(scene, part, members, entry)
     work = workers.spread(_try, (scene, config), missing, FEW, meanwhile)
     for (part, members), made in zip(missing, track(work, "parts", len(missing)), strict=True):
         if isinstance(made, InputError):
-            found[part] = made
+            results[part] = made
         else:
             keep("part", keys[part], made)
-            found[part] = _unpacked(scene, part, members, made)
-    return {part: found[part] for part, _ in asked}
+            results[part] = _unpacked(scene, part, members, made)
+    return {part: results[part] for part, _ in wanted}
 
 
-def _try(shared: tuple[Scene, PartConfig], asked: Asked) -> Arrays | InputError:
+def _try(shared: tuple[Scene, PartConfig], wanted: Asked) -> Arrays | InputError:
     scene, config = shared
     try:
         return _packed(
-            _part(find_target(scene, *asked, spec=config.robot, approach=config.base.approach), scene, config)
+            _part(find_target(scene, *wanted, spec=config.robot, approach=config.base.approach), scene, config)
         )
     except InputError as error:
         return error

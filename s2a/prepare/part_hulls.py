@@ -129,7 +129,7 @@ def target_colliders(
             else coacd_default(fused, config.max_vertices, config.seed)
         )
         return tuple(Collider(target.id, piece) for piece in hulls)
-    found = []
+    colliders = []
     plate = _plate(handle, others.get(target.base_plate or ""))
     for i, mesh in others.items():
         hulls = _front_panel_hulls(mesh, handle, config) if i == target.id else _rough_hulls(mesh, config)
@@ -137,14 +137,14 @@ def target_colliders(
             hulls = [piece for whole in hulls for piece in pocketed(whole, handle.pocket)]
         if plate is not None and i == target.base_plate:  # noise and the handle's foot at its border stand out of it
             hulls = [piece for whole in hulls if (piece := clip(whole, *plate)) is not None]
-        found += [Collider(i, piece) for piece in flatten(hulls, handle)]
+        colliders += [Collider(i, piece) for piece in flatten(hulls, handle)]
     hulls = (
         _handle_hulls(handle, others.get(target.id), _ground(handle, plate), config)
         if handle.pocket is None
         else pocket_hulls(handle.pocket)
     )
-    found += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(hulls, handle.space)]
-    return tuple(found)
+    colliders += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(hulls, handle.space)]
+    return tuple(colliders)
 
 
 def _front_panel_hulls(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Mesh]:
@@ -248,7 +248,7 @@ def filtered_pairs(
         fixed: cabinets and anchors by id.
         joints: of the articulated parts.
     """
-    found: dict[str, dict[str, float]] = {part: {} for part in moving}
+    depths: dict[str, dict[str, float]] = {part: {} for part in moving}
     bounds = {i: _bounds([c.mesh for c in body.colliders]) for i, body in {**fixed, **moving}.items()}
     for part, body in moving.items():
         meshes = [hull(grown(collider.mesh.vertices, TOUCHING)) for collider in body.colliders]
@@ -260,8 +260,8 @@ def filtered_pairs(
                 continue
             depth = deepest(hulls, [collider.mesh for collider in still.colliders], joints[part])
             if depth > MAX_CONTACT_DEPTH:
-                found[part][other] = max(0.0, depth - TOUCHING / 2)
-    return found
+                depths[part][other] = max(0.0, depth - TOUCHING / 2)
+    return depths
 
 
 def _bounds(meshes: Sequence[Mesh]) -> np.ndarray:
@@ -319,16 +319,16 @@ def cabinet_body(
         config: how fine.
     """
     visual = merge([*(scene.parts[i].mesh for i in members), *walls])
-    found = []
+    colliders = []
     for i in members:
-        found += [Collider(i, part) for hull in _hulls(scene, i, config) for part in cut_all(hull, obstacles)]
-    found += [Collider(members[0], wall) for wall in walls]
+        colliders += [Collider(i, part) for hull in _hulls(scene, i, config) for part in cut_all(hull, obstacles)]
+    colliders += [Collider(members[0], wall) for wall in walls]
     completed = sum(len(wall.faces) for wall in walls)
     scanned = merge([scene.parts[i].mesh for i in members])
     size = np.ptp(scanned.bounds, axis=0) if len(scanned.vertices) else np.zeros(3)
     estimate = config.density * float(np.prod(np.maximum(size, 0.1)))
     mass = annotated_mass(scene, members) or estimate
-    return SimBody(members[0], visual, tuple(found), box_mass(scanned, mass, np.eye(3)), completed)
+    return SimBody(members[0], visual, tuple(colliders), box_mass(scanned, mass, np.eye(3)), completed)
 
 
 def _hulls(scene: Scene, part: str, config: CabinetConfig) -> list[Mesh]:
@@ -351,10 +351,10 @@ def gripper_corridor(handle: Handle, target: Target, config: CabinetConfig, grip
     worktop that stands out less stays whole.
     """
     along, across, length = config.corridor
-    end, found = handle.front - CLEARANCE, []
+    end, boxes = handle.front - CLEARANCE, []
     behind, body = gripper.tip_ahead + gripper.body_behind, gripper.body_box[1] + 2 * BODY_MARGIN
     for high, gap in ((across, 0.0), (max(across, body), behind)):
         middle = handle.frame.T @ target.point
         middle[2] = end - (gap + length) / 2
-        found.append(box(handle.frame @ middle, handle.frame, np.array([along, high, length - gap])))
-    return found
+        boxes.append(box(handle.frame @ middle, handle.frame, np.array([along, high, length - gap])))
+    return boxes

@@ -70,9 +70,9 @@ def fitted_plane(flat: np.ndarray, height: np.ndarray, area: float) -> tuple[np.
     fits = [_shared(design, mean, _kernel(distance / length) + np.diag(own)) for length in LENGTHS]
     likely = np.array([fit[0] for fit in fits])
     weights = np.exp(likely - likely.max()) / np.exp(likely - likely.max()).sum()
-    found = sum(weight * fit[1] for weight, fit in zip(weights, fits, strict=True))
-    both = [fit[2] + np.outer(fit[1] - found, fit[1] - found) for fit in fits]
-    return np.asarray(found), np.einsum("l,lij->ij", weights, np.array(both))
+    mean = sum(weight * fit[1] for weight, fit in zip(weights, fits, strict=True))
+    both = [fit[2] + np.outer(fit[1] - mean, fit[1] - mean) for fit in fits]
+    return np.asarray(mean), np.einsum("l,lij->ij", weights, np.array(both))
 
 
 def _cells(flat: np.ndarray, height: np.ndarray, area: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -161,11 +161,11 @@ class Faces:
 
     def near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Return the faces whose middles lie in a box with these corners [m], shape [face]."""
-        found = np.arange(len(self.middles))
+        faces = np.arange(len(self.middles))
         for axis in range(3):
-            place = self.middles[found, axis]
-            found = found[(place >= low[axis]) & (place <= high[axis])]
-        return found
+            place = self.middles[faces, axis]
+            faces = faces[(place >= low[axis]) & (place <= high[axis])]
+        return faces
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def find_sides(
     near = faces.near(center - reach, center + reach)
     near = near[np.abs((faces.middles[near] - center) @ normal) < BAND]
     place, mine, weights = (faces.middles[near] - center) @ axes, faces.own(part, near), faces.areas[near]
-    found: list[FrontSide] = []
+    sides: list[FrontSide] = []
     if mine.sum() < FEW:
         return ()
     for k in (0, 1):
@@ -217,7 +217,7 @@ def find_sides(
             outward, along = sign * axes[:, k], axes[:, 1 - k]
             point = center + axes[:, k] * (border + sign * offset)
             # Where the border runs outwards by `slope` per metre along.
-            found.append(
+            sides.append(
                 FrontSide(
                     outward - slope * along,
                     along + slope * outward,
@@ -226,7 +226,7 @@ def find_sides(
                     angle,
                 )
             )
-    return tuple(found)
+    return tuple(sides)
 
 
 def _border(x: np.ndarray, t: np.ndarray, mine: np.ndarray, areas: np.ndarray) -> tuple[float, float, float, float]:
@@ -348,7 +348,7 @@ def _start(
 
     The largest plane of a window may run obliquely through its frame and its pane; what its faces look at does not.
     """
-    found = []
+    planes = []
     like = facing @ front.normal
     mean = np.average(facing[like > 0.9], axis=0, weights=areas[like > 0.9]) if (like > 0.9).any() else front.normal
     for normal in (front.normal, mean / np.linalg.norm(mean)):
@@ -357,6 +357,6 @@ def _start(
         near = np.abs(height[:, None] - levels) < FLAT
         area = areas @ near
         best = float(np.mean(levels[area >= area.max() * (1 - 1e-9)]))
-        found.append((float(area.max()), normal, front.center + best * normal))
-    _, normal, center = max(found, key=lambda item: item[0])
+        planes.append((float(area.max()), normal, front.center + best * normal))
+    _, normal, center = max(planes, key=lambda item: item[0])
     return normal, center, _upright(front.axes, normal)

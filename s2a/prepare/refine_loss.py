@@ -187,20 +187,20 @@ class Loss:
             step: of the differences.
         """
         count, cut = len(self.joints), COUNT * len(self.joints)
-        found = np.zeros((self.size, self.size))
+        hessian = np.zeros((self.size, self.size))
         of_joint = np.arange(cut).reshape(count, COUNT)
         of_frame = np.arange(cut, self.size).reshape(-1, 3)
         for k in range(COUNT):
             row = self._difference(parameters, of_joint[:, k], step)
             for i in range(count):
-                found[of_joint[i], of_joint[i, k]] = row[of_joint[i]]
+                hessian[of_joint[i], of_joint[i, k]] = row[of_joint[i]]
         for k in range(3):
             row = self._difference(parameters, of_frame[:, k], step)
             for i, f in enumerate(frame):
-                found[of_joint[i], of_frame[f, k]] = found[of_frame[f, k], of_joint[i]] = row[of_joint[i]]
+                hessian[of_joint[i], of_frame[f, k]] = hessian[of_frame[f, k], of_joint[i]] = row[of_joint[i]]
             for mine in of_frame:
-                found[mine, mine[k]] = row[mine]
-        return (found + found.T) / 2.0
+                hessian[mine, mine[k]] = row[mine]
+        return (hessian + hessian.T) / 2.0
 
     def _difference(self, parameters: np.ndarray, moved: np.ndarray, step: float) -> np.ndarray:
         """Return the derivative of the gradient along some parameters, all moved at once."""
@@ -310,10 +310,10 @@ def _distance(rest: Mesh, winding: float, places: np.ndarray) -> np.ndarray:
     """Return the distance of places [place 3] to a surface [m], negative straight behind it, at most REACH, shape [place]."""
     tree = ray_mesh(rest.vertices, rest.faces)
     face, gap = nearest_faces(tree, places, REACH)
-    found = np.full(len(places), REACH)
+    distances = np.full(len(places), REACH)
     near = face >= 0
     away = places[near] - centroids(rest)[face[near]]
     height = winding * np.einsum("ij,ij->i", away, normals(rest)[face[near]])
     behind = (height < 0) & (gap[near] < -height + 1e-3)
-    found[near] = np.where(behind, -gap[near], gap[near])
-    return found
+    distances[near] = np.where(behind, -gap[near], gap[near])
+    return distances

@@ -111,13 +111,13 @@ def frame_terms(
     number: int, joint: Joint, seen: Seen | None, frame: int, axes: np.ndarray, config: RefineConfig
 ) -> list[Term]:
     """Return that joint and front are parallel to the furniture, as its other ones are."""
-    axis, found = np.array(joint.axis), []
-    found += [Term(ALONG_FRAME, number, config.parallel, frame, k, cut=config.cut) for k in _others(axis, axes)]
+    axis, terms = np.array(joint.axis), []
+    terms += [Term(ALONG_FRAME, number, config.parallel, frame, k, cut=config.cut) for k in _others(axis, axes)]
     if seen is not None:
         for k in _others(seen.normal, axes):
             sigma = float(np.hypot(seen.sigma(axes[:, k]), config.parallel))
-            found.append(Term(FACE, number, sigma, frame, k, seen.normal, cut=config.cut))
-    return found
+            terms.append(Term(FACE, number, sigma, frame, k, seen.normal, cut=config.cut))
+    return terms
 
 
 def _others(direction: np.ndarray, axes: np.ndarray) -> list[int]:
@@ -231,11 +231,11 @@ class JointedRoom:
     @property
     def free(self) -> np.ndarray:
         """What may change at all, shape [joint 5]: a slide has no place, and few fronts tell that they stand ajar."""
-        found = np.ones((len(self.parts), COUNT), bool)
-        found[:, ZERO] = False
-        found[[joint.kind == "prismatic" for joint in self.joints], SHIFT[0] : SHIFT[1] + 1] = False
-        found[[term.joint for term in self.terms if term.kind == FLUSH], ZERO] = True
-        return found
+        free = np.ones((len(self.parts), COUNT), bool)
+        free[:, ZERO] = False
+        free[[joint.kind == "prismatic" for joint in self.joints], SHIFT[0] : SHIFT[1] + 1] = False
+        free[[term.joint for term in self.terms if term.kind == FLUSH], ZERO] = True
+        return free
 
 
 @dataclass(frozen=True)
@@ -275,15 +275,15 @@ def joints_of(scene: Scene, config: RefineConfig) -> JointedRoom:
     paths = [path(faces, part, numbers[part], weight) for part in seen]
     normals = [seen[part].normal if part in seen else np.array([0.0, 0.0, 1.0]) for part in parts]
     loss = Loss(joints, normals, frames)
-    return JointedRoom(parts, joints, frame, tuple(terms), tuple(found for found in paths if found is not None), loss)
+    return JointedRoom(parts, joints, frame, tuple(terms), tuple(path for path in paths if path is not None), loss)
 
 
 def _fronts(faces: Faces, parts: tuple[str, ...]) -> dict[str, Seen]:
     """Return the fronts that the scan shows, by part."""
     seen = {}
     for part in parts:
-        found = front(faces.surface, part)
-        shown = None if found is None else seen_front(faces, part, found)
+        plane = front(faces.surface, part)
+        shown = None if plane is None else seen_front(faces, part, plane)
         if shown is not None:
             seen[part] = shown
     return seen
@@ -298,16 +298,16 @@ def _frame(scene: Scene, parts: list[str], seen: Mapping[str, Seen]) -> np.ndarr
 def priors(room: JointedRoom, axis: float, config: RefineConfig) -> list[Term]:
     """Return that joints are as annotated, by an annotator whose axes have this standard deviation [rad]."""
     origin = axis * config.arm
-    found = (prior_terms(i, axis, origin, config, joint.kind) for i, joint in enumerate(room.joints))
-    return [term for terms in found for term in terms]
+    priors = (prior_terms(i, axis, origin, config, joint.kind) for i, joint in enumerate(room.joints))
+    return [term for terms in priors for term in terms]
 
 
 def prior_sigma(room: JointedRoom, axis: float, config: RefineConfig) -> np.ndarray:
     """Return the standard deviations of the priors, shape [joint 5]."""
-    found = np.empty((len(room.parts), COUNT))
+    sigmas = np.empty((len(room.parts), COUNT))
     for term in priors(room, axis, config):
-        found[term.joint, term.index] = term.sigma
-    return found
+        sigmas[term.joint, term.index] = term.sigma
+    return sigmas
 
 
 def fit(room: JointedRoom, axis: float, free: np.ndarray, config: RefineConfig) -> RoomFit:
@@ -330,12 +330,12 @@ def fit(room: JointedRoom, axis: float, free: np.ndarray, config: RefineConfig) 
     for _ in range(ROUNDS):
         # In units in which the loss curves alike in all directions; robust losses curve otherwise at the next place.
         start, unit = full, np.linalg.inv(np.linalg.cholesky(curved(full))).T
-        found = minimize(
+        solution = minimize(
             _scaled(loss, start, mask, unit), np.zeros(len(unit)), jac=True, method="L-BFGS-B", options=LIMITS
         )
         full = start.copy()
-        full[mask] += unit @ found.x
-        if found.success:
+        full[mask] += unit @ solution.x
+        if solution.success:
             break
     spread = np.zeros(loss.size)
     spread[mask] = np.sqrt(np.diag(np.linalg.inv(curved(full))))

@@ -155,10 +155,10 @@ def prepare(
         InputError: a part that was asked for by its id is unknown, does not move, has limits that no robot can use, or has no
             surface; nothing can be prepared; an object cannot be extracted.
     """
-    asked = (targets,) if isinstance(targets, str) else tuple(dict.fromkeys(targets))
+    chosen = (targets,) if isinstance(targets, str) else tuple(dict.fromkeys(targets))
     spec = spec or robot.load(DEFAULT_ROBOT)
     still = StaticRoom(scene, config.room, config.decimate)
-    results = selected_parts(scene, asked, config.part(spec), None if free else still.ahead)
+    results = selected_parts(scene, chosen, config.part(spec), None if free else still.ahead)
     extracted = free_objects(scene, free, tuple(results), config.free)
     owners = bodies(scene, results)
     obstacles = _obstacles(scene, results, extracted, config)
@@ -214,15 +214,15 @@ def _obstacles(
     that belongs to no furniture, as in a scan of which only fronts are annotated, needs the gripper's path too: whatever stands
     around it is one surface there, whose hulls fill the air before the handle.
     """
-    found: dict[str, list[Mesh]] = {ROBOTS: []}
+    spaces: dict[str, list[Mesh]] = {ROBOTS: []}
     for part, result in results.items():
-        own = found.setdefault(scene.root(part), [])
+        own = spaces.setdefault(scene.root(part), [])
         own += [*result.swept, *(result.corridor if scene.root(part) in results else ())]
         foot, room = np.array(result.base.position) + [0.0, 0.0, UNEVEN], config.room
-        found[ROBOTS].append(column(foot, room.base_radius, room.base_height - UNEVEN))
+        spaces[ROBOTS].append(column(foot, room.base_radius, room.base_height - UNEVEN))
     for item in extracted:
-        found.setdefault(item.body.id, []).extend(item.space)
-    return found
+        spaces.setdefault(item.body.id, []).extend(item.space)
+    return spaces
 
 
 def _supports(
@@ -256,20 +256,20 @@ def _fixed_bodies(
     A cabinet leaves the gripper its path to each of its own handles, other objects' parts theirs, and its level tops their
     layer. Its own parts overlap it, as scans of closed furniture do; a joint's two bodies do not collide.
     """
-    found = {}
+    bodies = {}
     for body in dict.fromkeys(scene.root(part) for part in results):
         own = [result for part, result in results.items() if scene.root(part) == body]
         members = [i for i, owner in owners.items() if owner == body]
         if body in results:
-            found[f"{body}_anchor"] = anchor(results[body].target)
+            bodies[f"{body}_anchor"] = anchor(results[body].target)
             continue
         surface = merge([scene.parts[i].mesh for i in members])
         walls = next(filter(None, (cabinet_walls(surface, r.target) for r in own)), []) if config.interior else []
         free = [hull for owner, hulls in obstacles.items() if owner != body for hull in hulls]
         free += [hull for result in own for hull in result.corridor]
         free += [hull for top in tops if scene.root(top.part) == body for hull in top.layer]
-        found[body] = cabinet_body(scene, members, free, walls, config.cabinet)
-    return found
+        bodies[body] = cabinet_body(scene, members, free, walls, config.cabinet)
+    return bodies
 
 
 def _moving_body(scene: Scene, result: PartResult, config: PrepareConfig) -> SimBody:

@@ -176,23 +176,23 @@ def cut_out(
     colliders: Sequence[Collider], obstacles: Sequence[Mesh], config: RoomConfig
 ) -> tuple[tuple[Collider, ...], tuple[str, ...]]:
     """Cut colliders free of obstacles; return them with the ids of the parts of which something was cut off."""
-    found: list[Collider] = []
+    cut_hulls: list[Collider] = []
     trimmed: dict[str, None] = {}
     for collider in colliders:
         left = cut_all(collider.mesh, obstacles, config.cut_hulls, config.min_volume, config.min_cut_volume)
         if not any(piece is collider.mesh for piece in left):
             trimmed[collider.part] = None
-        found += [Collider(collider.part, piece, collider.structure) for piece in left]
-    return tuple(found), tuple(trimmed)
+        cut_hulls += [Collider(collider.part, piece, collider.structure) for piece in left]
+    return tuple(cut_hulls), tuple(trimmed)
 
 
 def below_tops(colliders: Sequence[Collider], tops: Sequence[LevelTop], config: RoomConfig) -> list[Collider]:
     """Cut colliders free of the layers of their own part's level tops."""
-    found: list[Collider] = []
+    cut_hulls: list[Collider] = []
     for collider in colliders:
         layers = [hull for top in tops if top.part == collider.part for hull in top.layer]
-        found += cut_out([collider], layers, config)[0]
-    return found
+        cut_hulls += cut_out([collider], layers, config)[0]
+    return cut_hulls
 
 
 def cut_all(
@@ -224,14 +224,14 @@ def _layers(hull: Mesh, obstacles: Sequence[Mesh]) -> list[Mesh]:
     *_, width, thickness = np.ptp(hull.vertices @ axes.T, axis=0)
     if thickness > THIN * width:
         return [hull]
-    found = [hull]
+    pieces = [hull]
     for up in (axes[2], -axes[2]):
         above = np.array([(obstacle.vertices @ up).min() for obstacle in obstacles]) - MARGIN
         grazing = above[above > (hull.vertices @ up).min() + THINNEST]
         if len(grazing):
             split = (clip(hull, up, grazing.min()), clip(hull, -up, -grazing.min()))
-            found = max(found, [part for part in split if part is not None], key=len)
-    return found
+            pieces = max(pieces, [part for part in split if part is not None], key=len)
+    return pieces
 
 
 def _hulls(mesh: Mesh, structure: bool, config: RoomConfig) -> list[Mesh]:
@@ -261,17 +261,17 @@ class StaticRoom:
 
     def colliders(self, parts: Sequence[str], fine: Collection[str] = ()) -> list[Collider]:
         """Return the convex hulls of static parts, named after these; more of those that are `fine`."""
-        found = []
+        colliders = []
         for part in track([i for i in parts if len(self._scene.parts[i].mesh.faces)], "room colliders"):
             config = replace(self._room, part_hulls=self._room.furniture_hulls) if part in fine else self._room
             if (key := (part, config.part_hulls)) not in self._hulls:
                 self._hulls[key] = part_hulls(self._scene.parts[part], config)
-            found += [Collider(part, hull.mesh, hull.structure) for hull in self._hulls[key]]
-        return found
+            colliders += [Collider(part, hull.mesh, hull.structure) for hull in self._hulls[key]]
+        return colliders
 
     def visual(self, parts: Sequence[str]) -> Decimated:
         """Return static parts as one mesh with fewer faces."""
-        asked = tuple(parts)
-        if asked not in self._visuals:
-            self._visuals[asked] = decimate_room(self._scene, parts, self._decimate)
-        return self._visuals[asked]
+        key = tuple(parts)
+        if key not in self._visuals:
+            self._visuals[key] = decimate_room(self._scene, parts, self._decimate)
+        return self._visuals[key]

@@ -20,7 +20,7 @@ from s2a.annotate.surface import SplitSurface
 from s2a.core.bounds import AtLeast, Count
 from s2a.core.check import text
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write, refuse_loss
+from s2a.core.outputs import Output, atomic_write, refuse_loss
 from s2a.core.progress import report as say
 from s2a.scan.evidence import Bounds
 from s2a.scene.geometry.camera import OrbitCamera, framing_pose
@@ -48,7 +48,7 @@ class Config:
     """
 
     scan: Path
-    out: Path
+    out: Output
     auto: bool
     edit: bool
     page: bool

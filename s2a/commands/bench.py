@@ -13,7 +13,7 @@ import torch
 
 from s2a.core.bounds import Count, CountFromZero, NotNegative
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import Policy, baseline, by_part, run_episodes
@@ -64,7 +64,7 @@ class Config:
 
     stage: Path
     policy: str
-    out: Path
+    out: Output
     episodes: Count
     steps: Count
     num_envs: Count

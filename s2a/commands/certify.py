@@ -13,7 +13,7 @@ from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.certify.contents import STRUCTURE
 from s2a.certify.report import images, png
 from s2a.core.errors import CheckFailed, InputError
-from s2a.core.outputs import atomic_write, refuse_loss
+from s2a.core.outputs import Output, atomic_write, refuse_loss, require_writable
 from s2a.core.provenance import provenance
 from s2a.robot import Robot
 from s2a.scene.geometry.camera import OrbitCamera
@@ -39,7 +39,7 @@ class Config:
 
     stage: Path
     part: str | None
-    out: Path
+    out: Output
     stamp: bool
     robot: Robot
     certify: CertifyConfig
@@ -60,6 +60,8 @@ def run(config: Config) -> str:
     held = contents.read(config.stage, config.part)
     parts = [held.part] if config.part else list(contents.parts(held))
     done = report.kept(config.out / RECORD, content_hash(config.stage), settings, provenance("cpu"), parts)
+    if config.stamp and not done:
+        require_writable(config.stage, "give stamp=false, or copy it to where it can be stamped")
     results = done or _write(config)
     if config.stamp and not done:
         write_stamp(config.stage, {result.target: result.passed for result in results})

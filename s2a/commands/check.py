@@ -8,7 +8,7 @@ from pathlib import Path
 
 from s2a.core.check import as_json, failed, text
 from s2a.core.errors import CheckFailed
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.core.provenance import provenance
 from s2a.scan import load_scene
 from s2a.scan.evidence import Bounds, annotation
@@ -26,7 +26,7 @@ class Config:
     """
 
     scan: Path
-    out: Path | None
+    out: Output | None
     evidence: Bounds = Bounds()
 
 

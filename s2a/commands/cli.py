@@ -30,7 +30,7 @@ from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from s2a.commands import usage
-from s2a.core import config, errors, progress
+from s2a.core import config, errors, outputs, progress
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.progress import StdoutFilter
 
@@ -39,8 +39,6 @@ ORDER = (
     "train", "evaluate", "bench", "perceive", "collect", "replay", "view", "report",
 )  # fmt: skip
 """Commands as a scan meets them; those of satellites follow, room by room."""
-OUTPUTS = ("out", "image", "images", "html", "record")
-"""Keys that name output files and folders."""
 ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")
 """How an argument begins that is key=value, or removes a key."""
 SURROGATES = re.compile("[\ud800-\udfff]")
@@ -63,12 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail("interrupted", 130)
     except CheckFailed:
         return 1
-    except BrokenPipeError:  # the reader of our output, such as head, has exited
-        sys.stdout = None
-        return 0
     except Exception as error:
         if "--debug" in arguments:
-            progress.show(traceback.format_exc(), sys.stderr)
+            progress.note(traceback.format_exc())
         if isinstance(error, UnicodeEncodeError) and any(
             each in error.object for each in SURROGATES.findall("".join(arguments))
         ):
@@ -115,17 +110,23 @@ def run(command: str, values: dict[str, Any]) -> None:
     """Run a command with composed values and print its summary; a CheckFailed is printed and raised again."""
     module = _module(command)
     settings = config.load(module.Config, values)
-    _refuse_replacing_input(settings)
+    written = {key: path for key in outputs.keys(module.Config) if (path := getattr(settings, key)) is not None}
+    _refuse_replacing_input(settings, written)
     start = time.perf_counter()
     verdict: CheckFailed | None = None
-    with contextlib.redirect_stdout(StdoutFilter()), errors.required():
+    is_first = os.environ.get("RANK", "0") == "0"  # of the processes of torchrun, which alone writes files
+    with (
+        contextlib.redirect_stdout(StdoutFilter()),
+        errors.required(),
+        outputs.locked(written if is_first else {}, f"s2a {command}"),
+    ):
         try:
             summary = module.run(settings)
         except CheckFailed as no:
             verdict, summary = no, str(no)
     if summary:  # all but the first process of torchrun are silent
         progress.show(summary)
-    print(f"{command}: {time.perf_counter() - start:.1f} s", file=sys.stderr)
+    progress.note(f"{command}: {time.perf_counter() - start:.1f} s")
     if verdict is not None:
         raise verdict
 
@@ -134,9 +135,9 @@ def job(composed: Any) -> None:
     """Run one job of a sweep; its outputs lie below the job's own folder."""
     progress.log_in_lines()
     context = HydraConfig.get()
-    values = config.plain(composed)
-    for key in set(OUTPUTS).intersection(values):
-        place = values[key]
+    command, values = str(context.job.config_name), config.plain(composed)
+    for key in outputs.keys(settings_of(command)):
+        place = values.get(key)
         if place in (None, config.REQUIRED):
             continue
         if Path(place).is_absolute():
@@ -144,7 +145,7 @@ def job(composed: Any) -> None:
                 f"key {key!r} is {place!r}; in a sweep, whose runs would overwrite it, give a relative path"
             )
         values[key] = str(Path(context.runtime.output_dir) / place)
-    run(str(context.job.config_name), values)
+    run(command, values)
 
 
 def sweep(command: str, overrides: Sequence[str]) -> None:
@@ -158,7 +159,8 @@ def sweep(command: str, overrides: Sequence[str]) -> None:
     sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *config.opened(texts), f"hydra.sweep.dir={folder}"]
     os.environ["HYDRA_FULL_ERROR"] = "1"
     try:
-        hydra.main(config_path=str(config.folder()), config_name=command, version_base="1.3")(job)()
+        with outputs.locked({"hydra.sweep.dir": folder}, f"s2a {command} --multirun"):
+            hydra.main(config_path=str(config.folder()), config_name=command, version_base="1.3")(job)()
     except (HydraException, OmegaConfBaseException) as error:
         raise InputError(config.explain(error, config.keys(config.compose(command)))) from error
     finally:
@@ -222,13 +224,12 @@ def _uncollected() -> Iterator[None]:
         gc.enable()
 
 
-def _refuse_replacing_input(settings: Any) -> None:
-    """Raise an InputError if `out` is an input file, named by another key."""
-    paths = {name: value for name, value in vars(settings).items() if isinstance(value, Path)}
-    out = paths.pop("out", None)
-    for name, path in paths.items():
-        if out is not None and path.is_file() and os.path.realpath(out) == os.path.realpath(path):
-            raise InputError(f"out {str(out)!r} would replace what the key {name!r} names; choose another path")
+def _refuse_replacing_input(settings: Any, written: dict[str, Path]) -> None:
+    """Raise an InputError if an output is an input file."""
+    read = {name: path for name, path in vars(settings).items() if isinstance(path, Path) and name not in written}
+    for (key, out), (name, path) in itertools.product(written.items(), read.items()):
+        if path.is_file() and os.path.realpath(out) == os.path.realpath(path):
+            raise InputError(f"{key} {str(out)!r} would replace what the key {name!r} names; choose another path")
 
 
 def _sweep_folder(overrides: Sequence[str]) -> tuple[Path, bool]:
@@ -259,14 +260,14 @@ def _dispatch(arguments: list[str]) -> int:
     if unknown := [flag for flag in flags if flag not in FLAGS]:
         raise InputError(f"flag {unknown[0]!r} is unknown{config.nearest(unknown[0], FLAGS)}")
     if "--version" in flags:
-        print(version("s2a"))
+        progress.show(version("s2a"))
     elif not command:
-        print(usage.general({name: meaning(name) for name in commands()}), end="")
+        progress.show(usage.general({name: meaning(name) for name in commands()}).rstrip())
     elif command not in commands():
         raise InputError(f"command {command!r} is unknown{config.nearest(command, commands())}")
     elif flags and {"--help", "-h", "--help-all"}.intersection(flags):
         every = "--help-all" in flags
-        print(usage.command(command, meaning(command), _module(command).Config, every))
+        progress.show(usage.command(command, meaning(command), _module(command).Config, every))
     elif "--multirun" in flags or "-m" in flags:
         sweep(command, overrides)
     else:

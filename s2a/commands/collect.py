@@ -12,7 +12,7 @@ from s2a import tasks
 from s2a.commands.worlds import WorldsConfig
 from s2a.core.bounds import Count
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.core.provenance import provenance
 from s2a.learn.collect.episodes import ABOUT, STAGE, Collector, Dataset, read_stage, temporary, write_stage
 from s2a.learn.evaluate import Policy
@@ -47,7 +47,7 @@ class Config(WorldsConfig):
         views: the cameras.
     """
 
-    out: Path
+    out: Output
     episodes: Count
     policy: Path | None
     instruction: str | None

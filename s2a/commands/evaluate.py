@@ -17,7 +17,7 @@ from s2a import tasks
 from s2a.commands.worlds import WorldsConfig
 from s2a.core.bounds import Count
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write, require_writable
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import (
     Agent,
@@ -106,7 +106,7 @@ class Config(WorldsConfig):
         soft_metrics: what is reported of it.
     """
 
-    out: Path
+    out: Output
     checkpoint: Path | None
     policy: Path | None
     agent: Agent | None
@@ -114,10 +114,10 @@ class Config(WorldsConfig):
     perception_frames: Count
     depth_camera: DepthCameraConfig
     export: bool
-    images: Path | None
+    images: Output | None
     search_base: bool
-    recordings: Path | None
-    states: Path | None
+    recordings: Output | None
+    states: Output | None
     camera: CameraConfig
     physics: Literal["rigid", "soft"]
     soft: SoftConfig = SoftConfig()
@@ -151,7 +151,8 @@ class Album:
     def save(self, camera: Camera, folder: Path) -> None:
         """Write before.png and after.png."""
         for name, pose in zip(("before", "after"), (self._poses[0], self._poses[-1]), strict=True):
-            Image.fromarray(camera.image(pose)).save(folder / f"{name}.png")
+            with atomic_write(folder / f"{name}.png") as file:
+                Image.fromarray(camera.image(pose)).save(file)
 
 
 def _policy(config: Config, env: VecEnv, file: PolicyFile | None) -> Policy:
@@ -177,6 +178,8 @@ def _refuse_contradictions(config: Config) -> None:
     """Raise for keys that cannot go together, before an evaluation is spent on them."""
     if config.export and not config.checkpoint:
         raise InputError("key 'export' is true, and there is no checkpoint to export; give checkpoint=.../model_N.pt")
+    if config.export and config.checkpoint and config.checkpoint.is_file():
+        require_writable(config.checkpoint, "give export=false, or copy the run's folder")
     actors = {name: getattr(config, name) for name in ("agent", "checkpoint", "policy") if getattr(config, name)}
     if len(actors) > 1:
         given = " and ".join(f"{name!r} ({value})" for name, value in actors.items())

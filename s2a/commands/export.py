@@ -9,6 +9,7 @@ from pathlib import Path
 from s2a.core import errors
 from s2a.core.check import doubtful
 from s2a.core.errors import InputError
+from s2a.core.outputs import Output
 from s2a.scan import export
 from s2a.scan.evidence import Bounds
 from s2a.scan.formats.articulate3d import read_overlaps
@@ -29,7 +30,7 @@ class Config:
     """
 
     scan: Path
-    out: Path
+    out: Output
     check: bool
     evidence: Bounds = Bounds()
 

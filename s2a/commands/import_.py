@@ -16,7 +16,7 @@ import numpy as np
 from s2a import scan as scans
 from s2a.core.bounds import Above, AtLeast, Count
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write, refuse_loss, require_png
+from s2a.core.outputs import Output, atomic_write, refuse_loss, require_png
 from s2a.core.progress import track
 from s2a.scan import folder, imported, ply, recording, recording_formats, source, urdf_object
 from s2a.scan import predictions as predicted
@@ -82,13 +82,13 @@ class Config:
     level: bool
     unit: Literal["auto", "m", "cm", "mm", "in"]
     floor: bool
-    image: Path | None
+    image: Output | None
     scan: Path | None
     predictions: Path | None
     box: tuple[float, float, float, float, float, float, float] | None
     object: str | None
     min_score: Annotated[float, AtLeast(0.0, 1.0)]
-    out: Path
+    out: Output
 
 
 def run(config: Config) -> str:

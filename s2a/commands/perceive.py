@@ -12,7 +12,7 @@ import torch
 
 from s2a.core.bounds import AtLeast, CountFromZero
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.learn.perception.depth_camera import PartPoints
@@ -39,7 +39,7 @@ class Config:
     """
 
     stage: Path
-    out: Path
+    out: Output
     folds: Annotated[int, AtLeast(2)]
     robot: Robot
     network: NetworkConfig

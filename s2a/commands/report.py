@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.view.report import read
 from s2a.view.report.document import images, videos
 
@@ -24,7 +24,7 @@ class Config:
     """
 
     path: Path
-    out: Path
+    out: Output
     images: tuple[Path, ...]
     states: Path | None
     stage: Path | None

@@ -14,7 +14,8 @@ import torch
 from s2a.commands.worlds import WorldsConfig
 from s2a.core.bounds import Count, Fraction
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write, full_disk_reported
+from s2a.core.locks import contents
+from s2a.core.outputs import Output, atomic_write, full_disk_reported
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import rate, warn_of_errors
 from s2a.learn.perception.depth_camera import DepthCameraConfig
@@ -58,7 +59,7 @@ class Config(WorldsConfig):
             not counted.
     """
 
-    out: Path
+    out: Output
     init: Path | None
     perception: Path | None
     perception_frames: Count
@@ -135,7 +136,7 @@ def _start_of(config: Config) -> Path | None:
         )
     if config.out.exists() and not config.out.is_dir():
         raise InputError(f"out {str(config.out)!r} is a file where a folder should be written; choose another place")
-    if processes.rank() == 0 and config.out.exists() and any(config.out.iterdir()):
+    if processes.rank() == 0 and config.out.exists() and contents(config.out):
         if not config.resume:
             raise InputError(
                 f"out {str(config.out)!r} holds files; a run is never overwritten: choose another, delete it, "

@@ -12,7 +12,7 @@ import numpy as np
 
 from s2a.core.bounds import AtLeast, Count
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write, require_png
+from s2a.core.outputs import Output, atomic_write, require_png
 from s2a.core.progress import report
 from s2a.scan.visuals import Visible, tree, visible
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
@@ -60,10 +60,10 @@ class Config:
     first: Annotated[int, AtLeast(0)]
     worlds: Count
     text: bool | None
-    image: Path | None
+    image: Output | None
     page: bool
     port: Annotated[int, AtLeast(1, 65535)]
-    html: Path | None
+    html: Output | None
     max_faces: Count | None
     part: str | None
     photo: Annotated[float, AtLeast(0.0005, 0.1)] | None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import os
 import signal
 import sys
 import threading
@@ -11,7 +12,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from typing import Any, TextIO, TypeVar
 
-from s2a.core.errors import printable
+from s2a.core.errors import InputError, printable
 
 T = TypeVar("T")
 
@@ -41,7 +42,7 @@ class StdoutFilter(io.TextIOBase):
     def write(self, text: str) -> int:
         """Drop the text; report once, on stderr, that kernels are being compiled."""
         if "(compiled)" in text and not self._reported:
-            sys.stderr.write("s2a: compiling kernels for this machine; later runs find them in Warp's cache\n")
+            report("compiling kernels for this machine; later runs find them in Warp's cache")
             self._reported = True
         return len(text)
 
@@ -51,7 +52,16 @@ class Terminated(KeyboardInterrupt):
 
 
 def set_up() -> None:
-    """Show letters that the terminal does not know by their numbers; let SIGTERM and SIGHUP clean up as an interrupt does."""
+    """Show letters that the terminal does not know by their numbers; let SIGTERM and SIGHUP clean up as an interrupt does.
+
+    A standard stream that is closed is opened to nothing: else the next file that is opened would take its number, and with it
+    what libraries print.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -61,14 +71,38 @@ def set_up() -> None:
                 signal.signal(number, _stop)
 
 
-def show(text: str, stream: TextIO | None = None) -> None:
-    """Print lines, on stdout by default; they may hold the words of a file or of an endpoint."""
-    print("\n".join(map(printable, text.split("\n"))), file=stream or sys.stdout)
+def show(text: str) -> None:
+    """Print lines on stdout; they may hold the words of a file or of an endpoint.
+
+    Raises:
+        InputError: stdout is a file that cannot be written. If its reader has exited, as head does, nothing is raised.
+    """
+    if (error := _print(text, sys.stdout)) and not isinstance(error, BrokenPipeError):
+        raise InputError(f"stdout cannot be written: {error.strerror}; choose another file for it") from error
+
+
+def note(text: str) -> None:
+    """Print lines on stderr, if anybody reads it."""
+    _print(text, sys.stderr)
 
 
 def report(message: str) -> None:
     """Print a message as one line on stderr."""
-    show(f"s2a: {' '.join(message.split())}", sys.stderr)
+    note(f"s2a: {' '.join(message.split())}")
+
+
+def _print(text: str, stream: TextIO | None) -> OSError | None:
+    """Print lines; return what keeps the system from writing them, which then drops all that follows."""
+    if stream is None:  # it was closed at the start
+        return None
+    try:
+        print("\n".join(map(printable, text.split("\n"))), file=stream, flush=True)
+    except OSError as error:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+        return error
+    return None
 
 
 def log_in_lines(debug: bool = False) -> None:

@@ -54,7 +54,7 @@ def spread(
                 meanwhile()
             yield from (work(shared, item) for item in items)
             return
-        with _pool(helpers, shared) as pool:
+        with processes(helpers, shared) as pool:
             with _hidden_main():
                 futures = [pool.submit(_in_helper, work, item) for item in items]
             if meanwhile is not None:
@@ -72,7 +72,7 @@ def _taken_back(
 
 
 @contextmanager
-def _pool(helpers: int, shared: object) -> Iterator[ProcessPoolExecutor]:
+def processes(helpers: int, shared: object = None) -> Iterator[ProcessPoolExecutor]:
     """Return helper processes; they are ended at once when the context is left, whether or not they are at work."""
     # Processes start afresh: a forked one would share Warp's threads and locks.
     context = multiprocessing.get_context("spawn")

@@ -16,6 +16,7 @@ import numpy as np
 
 from s2a.core.bounds import CountFromZero
 from s2a.core.errors import InputError
+from s2a.core.outputs import Output
 from s2a.homes import files
 from s2a.homes.capture import AnnotationConfig, Capture, annotated_joints, overlooked, reversed_joints, without
 from s2a.homes.floor_plan import measured, meet
@@ -235,7 +236,7 @@ class SampleConfig:
     open: dict[str, float] | None
     moved: CountFromZero
     visit: CountFromZero
-    out: Path
+    out: Output
 
 
 @dataclass(frozen=True)

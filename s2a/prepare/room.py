@@ -11,7 +11,7 @@ import numpy as np
 from s2a import robot
 from s2a.core.bounds import NotNegative
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.prepare.base_pose import BaseConfig
 from s2a.prepare.free_objects import FreeConfig, FreeObject, free_objects, level_tops
 from s2a.prepare.grasp import bodies, parent_body
@@ -94,7 +94,7 @@ class PrepareSettings:
     stage: Path
     targets: str | tuple[str, ...]
     free: tuple[str, ...]
-    out: Path
+    out: Output
     robot: Robot
     prepare: PrepareConfig
     refine_joints: bool

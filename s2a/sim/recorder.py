@@ -7,6 +7,7 @@ from pathlib import Path
 import torch
 import warp as wp
 
+from s2a.core.outputs import atomic_write
 from s2a.robot.spec import RobotSpec
 from s2a.robot.urdf import position_limits
 from s2a.sim.simulation import Simulation
@@ -51,7 +52,7 @@ class Recorder:
         step = self._sim.config.control_dt
         alive, rows = torch.stack(self._alive).cpu(), torch.stack(self._samples).cpu()
         for world in range(self._sim.num_envs):
-            with (folder / f"pull_{world}.csv").open("w", newline="") as file:
+            with atomic_write(folder / f"pull_{world}.csv") as out, out.open("w", newline="") as file:
                 writer = csv.writer(file)
                 writer.writerow(self._sim.robot.recorded)
                 for i, row in enumerate(rows[alive[:, world], world].tolist()):

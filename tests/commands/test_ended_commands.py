@@ -1,24 +1,38 @@
-"""Every command is ended in its middle, killed, and run on a disk that is full or read-only: earlier output stays."""
+"""Every command is ended in its middle, killed, run twice at once, on small, full and read-only disks, and by other users.
+
+Earlier output stays, and what cannot be done is one line.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import box_room
+import numpy as np
 import pytest
 import satellites
 import tiny_scan
 from cabinet import write_cabinet
+from settings import load
 
+from s2a import robot
 from s2a.commands import cli
-from s2a.scene.usd import geometric
+from s2a.core.locks import LOCK
+from s2a.learn.perception import depth_camera
+from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
+from s2a.motion.trajectory import Demonstration
+from s2a.scene.usd import geometric, sim_stage
+from s2a.sim.world import read_stage
+from s2a.tasks import pool
 
 pytestmark = pytest.mark.slow
 
@@ -41,7 +55,25 @@ COMMANDS = {
         "stage={inputs}/sim.usda", "num_envs=8", "ppo.num_steps_per_env=8", "ppo.iterations=4", "ppo.save_interval=1",
         "resume=true", "out={out}/ppo{n}",
     ],
-    "view": ["path={inputs}/room.usd", "image={out}/view.png"],
+    "view": ["path={inputs}/room.usd", "image={out}/view.png", "html={out}/view.html"],
+    "import": ["mesh={inputs}/scan/mesh_aligned_0.05.ply", "out={out}/imported", "image={out}/import.png"],
+    "annotate": ["scan={inputs}/scan", "edit=true", "page=false", "out={out}/annotated"],
+    "collect": [
+        "stage={inputs}/sim.usda", "episodes=1", "num_envs=2", "seed={n}", "every=20", "views.width=32", "views.height=32",
+        "out={out}/set{n}",
+    ],
+    "bench": [
+        "stage={inputs}/pool.json", "policy=random", "episodes=2", "steps=3", "num_envs=4", "seed={n}", "out={out}/bench.json",
+    ],
+    "perceive": [
+        "stage={inputs}/pool.json", "network.steps=4", "network.batch=4", "network.points=64", "network.width=16", "folds=2",
+        "out={out}/perception{n}",
+    ],
+    "report": ["path={inputs}/bench.json", "out={out}/report.html"],
+    "do": [
+        "open drawer_2", "stage={inputs}/sim.usda", "llm=rules", "plan_only=true", "seed={n}", "out={out}/do.json",
+    ],
+    "register": ["closed={inputs}/scan", "open={inputs}/scan", "out={out}/registered"],
 }  # fmt: skip
 """Keys of each command; {n} differs from run to run, so that certify does not keep the earlier report."""
 TIMED = {"planner.json", "report.json", "report.html", "insert.json"}
@@ -58,14 +90,34 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "pull.csv").write_text(f"time,opening,force\n{rows}\n")
     if not satellites.missing("zoo"):
         assert cli.main(["zoo", f"out={folder / 'zoo'}"]) == 0
+    write_pool(folder)
+    table = f"out={folder / 'bench.json'}"
+    assert cli.main(["bench", f"stage={folder / 'pool.json'}", "policy=random", "episodes=2", "steps=3", table]) == 0
     return folder
 
 
-def begun(command: str, inputs: Path, out: Path, n: int) -> subprocess.Popen:
+def write_pool(folder: Path) -> None:
+    """Write a pool of two rooms, with a motion that stands still and frames of a depth camera."""
+    still = Demonstration(np.tile(np.array(robot.load("panda").start), (2, 1)), np.zeros((2, 10)), 1)
+    camera = load(DepthCameraConfig, "depth_camera/default", points=128)
+    entries = []
+    for name in ("one", "two"):
+        path = write_cabinet(folder / f"{name}.usda")
+        pool.save_motion(still, folder / f"{name}.npz")
+        frames = depth_camera.take(VisibleRoom(sim_stage.read(path)), read_stage(path), camera, 2, 0)
+        depth_camera.save(frames, folder / f"{name}_frames.npz")
+        files = f"{name}.npz", f"{name}_frames.npz"
+        entries.append(pool.PoolPart(path.name, "drawer_2", "prismatic", "bar", *files))
+    pool.write(folder / "pool.json", entries, {}, {"first": 0})
+
+
+def begun(
+    command: str, inputs: Path, out: Path, n: int, before: Sequence[str] = (), environment: dict[str, str] | None = None
+) -> subprocess.Popen:
+    """Start a command, behind the words of another that runs it."""
     keys = [key.format(inputs=inputs, out=out, n=n) for key in COMMANDS[command]]
-    return subprocess.Popen(
-        [sys.executable, "-m", "s2a", command, *keys], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
-    )
+    words = [*before, sys.executable, "-m", "s2a", command, *keys]
+    return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment)
 
 
 def content(folder: Path) -> dict[str, str]:
@@ -145,3 +197,124 @@ def test_a_disk_that_takes_nothing_is_one_line(command: str, state: str, inputs:
     lines = [line for line in said.splitlines() if line.startswith("s2a")]
     assert process.returncode == 2 and "bug" not in said and str(disk) in lines[-1], said
     assert ours(content(disk)) == before
+
+
+def refused(process: subprocess.Popen) -> str:
+    """Return the one line with which a command is refused."""
+    said = process.communicate()[1].decode()
+    lines = [line for line in said.splitlines() if line.startswith("s2a: ") and "warning: " not in line]
+    assert process.returncode == 2 and len(lines) == 1, said
+    assert "Traceback" not in said and "bug" not in said, said
+    return lines[0]
+
+
+def locks(folder: Path) -> list[Path]:
+    """Return the locks in a folder that name their holders."""
+    return [path for path in folder.rglob(f"*{LOCK}") if path.stat().st_size]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_second_command_is_refused_and_goes_on_where_the_first_was_killed(
+    command: str, inputs: Path, tmp_path: Path
+) -> None:
+    satellites.need(command)
+    out = tmp_path / "out"
+    out.mkdir()
+    first = begun(command, inputs, out, 0)
+    while not locks(tmp_path):
+        assert first.poll() is None, first.communicate()[1]
+        time.sleep(0.005)
+    first.send_signal(signal.SIGSTOP)
+    try:
+        before = content(out)
+        line = refused(begun(command, inputs, out, 0))
+        assert f"is being written by s2a {command}, process {first.pid} on " in line
+        assert content(out) == before
+    finally:
+        first.kill()
+        first.communicate()
+    third = begun(command, inputs, out, 0)
+    said = third.communicate()[1]
+    assert third.returncode in (0, 1), said
+    assert content(out) and content(out) == ours(content(out)) and not list(tmp_path.rglob(f"*{LOCK}"))
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_of_two_commands_at_once_no_output_is_mixed(command: str, inputs: Path, tmp_path: Path) -> None:
+    satellites.need(command)
+    out = tmp_path / "out"
+    out.mkdir()
+    pair = [begun(command, inputs, out, 0) for _ in range(2)]
+    said = [process.communicate()[1].decode() for process in pair]
+    print(command, [process.returncode for process in pair])
+    assert min(process.returncode for process in pair) in (0, 1), said
+    for process, words in zip(pair, said, strict=True):
+        held = "is being written by" in words or "holds files" in words or "has done its" in words
+        assert process.returncode in (0, 1) or (process.returncode == 2 and held), words
+        assert "bug" not in words
+    assert content(out) == ours(content(out)) and not list(tmp_path.rglob(f"*{LOCK}"))
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("size", ["300k", "3m", "30m"])
+def test_a_small_disk_takes_all_of_it_or_nothing(command: str, size: str, inputs: Path, disk: Path) -> None:
+    satellites.need(command)
+    subprocess.run(["mount", "-o", f"remount,size={size}", disk], check=True)
+    (disk / "earlier").write_text("here before")
+    before = content(disk)
+    process = begun(command, inputs, disk, 0)
+    if process.wait() in (0, 1):
+        print(command, size, "fits")
+        assert len(content(disk)) > 1
+        return
+    line = refused(process)
+    print(command, size, line)
+    assert str(disk) in line and "free some space" in line
+    if command not in ("train", "collect"):  # which keep what is whole, to go on from
+        assert content(disk) == before
+
+
+def without_git(folder: Path) -> dict[str, str]:
+    """Return an environment whose programs are those of a bare container."""
+    folder.mkdir()
+    for name in ("sh", "env", "uname", "ldconfig", "gcc", "cc", "as", "ld"):
+        if path := shutil.which(name):
+            (folder / name).symlink_to(path)
+    return os.environ | {"PATH": str(folder)}
+
+
+CACHES = ("HOME", "S2A_CACHE", "WARP_CACHE_PATH", "XDG_CACHE_HOME")
+UNKNOWN = ["unshare", "--user", "--map-user=12345", "--map-group=12345"]
+"""Runs a command as a user whom the system does not list."""
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("lack", ["git", "home"])
+def test_a_command_needs_neither_git_nor_a_home(command: str, lack: str, inputs: Path, tmp_path: Path) -> None:
+    satellites.need(command)
+    if lack == "home" and subprocess.run([*UNKNOWN, "true"], capture_output=True).returncode:
+        pytest.skip("may not make users")
+    out = tmp_path / "out"
+    out.mkdir()
+    bare = {name: value for name, value in os.environ.items() if name not in CACHES} | {"TMPDIR": str(tmp_path)}
+    environment = without_git(tmp_path / "bin") if lack == "git" else bare
+    process = begun(command, inputs, out, 0, UNKNOWN if lack == "home" else (), environment)
+    said = process.communicate()[1].decode()
+    assert process.returncode in (0, 1) and "Traceback" not in said and content(out), said
+    assert not Path("~").exists() and not (out / "~").exists()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_place_of_another_user_is_refused_at_once(command: str, inputs: Path) -> None:
+    satellites.need(command)
+    if os.getuid():
+        pytest.skip("is not root")
+    with tempfile.TemporaryDirectory() as folder:
+        shutil.copytree(inputs, Path(folder, "inputs"))
+        out = Path(folder, "out")
+        out.mkdir()
+        Path(folder).chmod(0o755)
+        nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
+        bare = {name: value for name, value in os.environ.items() if name not in CACHES} | {"HOME": "/nonexistent"}
+        line = refused(begun(command, Path(folder, "inputs"), out, 0, nobody, bare))
+        assert str(out) in line and "cannot be written: Permission denied; choose another path" in line

@@ -48,7 +48,7 @@ def test_results_come_in_the_order_of_the_items_and_other_work_is_done_once() ->
 
 @pytest.mark.parametrize(("items", "few", "meanwhile"), [(0, 1, True), (3, 3, True), (3, 3, False)])
 def test_few_items_need_no_helper(items: int, few: int, meanwhile: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "_pool", None)
+    monkeypatch.setattr(workers, "processes", None)
     done: list[int] = []
     found = list(workers.spread(operator.mul, 3, range(items), few, (lambda: done.append(1)) if meanwhile else None))
     assert found == [3 * k for k in range(items)] and done == [1] * meanwhile

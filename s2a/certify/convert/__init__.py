@@ -12,7 +12,7 @@ from typing import Literal
 
 from s2a.certify.convert import mjcf, urdf
 from s2a.certify.convert.links import LinkedRoom, read_links
-from s2a.core.outputs import atomic_write, refuse_loss
+from s2a.core.outputs import Output, atomic_write, refuse_loss
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.solver import SimConfig
 
@@ -33,7 +33,7 @@ class ConvertSettings:
     """
 
     stage: Path
-    out: Path
+    out: Output
     to: Literal["mjcf", "urdf"]
     parts: str | tuple[str, ...]
     sim: SimConfig

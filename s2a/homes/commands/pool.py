@@ -7,17 +7,16 @@ import json
 import logging
 import tempfile
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, cast, get_args
 
 from s2a import scan
+from s2a.core import workers
 from s2a.core.bounds import Count, CountFromZero
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.core.progress import StdoutFilter, track
 from s2a.core.provenance import provenance
 from s2a.homes.capture import AnnotationConfig
@@ -63,7 +62,7 @@ class Config:
     first: CountFromZero
     count: Count
     homes: tuple[str, ...]
-    out: Path
+    out: Output
     jobs: Count
     leave_out: tuple[str, ...]
     frames: CountFromZero
@@ -126,7 +125,7 @@ def _all(config: Config, specs: list[tuple[RoomKind, int]]) -> Iterator[Made]:
     if config.jobs == 1:
         yield from map(partial(_quiet_room, config), specs)
         return
-    with ProcessPoolExecutor(config.jobs, mp_context=get_context("spawn")) as helpers:
+    with workers.processes(config.jobs) as helpers:
         yield from helpers.map(partial(_quiet_room, config), specs)
 
 

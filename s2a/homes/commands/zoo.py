@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from s2a.core.bounds import CountFromZero
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.core.progress import track
 from s2a.homes.zoo import zoo
 from s2a.homes.zoo.download import UNITS, WRITERS, Download, download
@@ -27,7 +26,7 @@ class Config:
         seed: of the units, up axes, headings, origins, formats and flaws; the same seed gives the same files.
     """
 
-    out: Path
+    out: Output
     seed: CountFromZero
 
 

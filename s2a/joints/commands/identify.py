@@ -9,7 +9,7 @@ from pathlib import Path
 
 from s2a.core.bounds import Positive
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.core.provenance import provenance
 from s2a.joints import dynamics, pull
 from s2a.joints.dynamics import PARAMETERS, Dynamics
@@ -55,8 +55,8 @@ class Config:
     robot: Robot
     torques_carry_weight: bool
     soft_close_reach: Positive
-    out: Path
-    record: Path | None
+    out: Output
+    record: Output | None
     noise: Noise
     device: str
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from s2a import tasks
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.joints.pull_optimize import PullConfig, optimize
 from s2a.joints.pulled import pulled
 from s2a.motion import trajectory
@@ -41,7 +41,7 @@ class Config:
 
     stage: Path
     part: str | None
-    out: Path
+    out: Output
     offset: float
     robot: Robot
     sim: SimConfig

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write, refuse_loss
+from s2a.core.outputs import Output, atomic_write, refuse_loss
 from s2a.core.provenance import provenance
 from s2a.joints import register as files
 from s2a.joints.register import MIN_OVERLAP, Proposal, register
@@ -27,7 +27,7 @@ class Config:
 
     closed: Path
     open: Path
-    out: Path | None
+    out: Output | None
 
 
 def run(config: Config) -> str:

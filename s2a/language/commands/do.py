@@ -9,7 +9,7 @@ from typing import Any
 
 from s2a.core.bounds import CountFromZero
 from s2a.core.errors import CheckFailed, InputError
-from s2a.core.outputs import atomic_write
+from s2a.core.outputs import Output, atomic_write
 from s2a.core.provenance import provenance
 from s2a.language.ask import UsageLog
 from s2a.language.client import LlmConfig, choose, kind_of
@@ -57,10 +57,10 @@ class Config:
     sentence: str
     stage: Path
     scene: Path | None
-    out: Path
-    images: Path | None
+    out: Output
+    images: Output | None
     llm: LlmConfig
-    record: Path | None
+    record: Output | None
     plan_only: bool
     retries: CountFromZero
     replans: CountFromZero

@@ -18,7 +18,7 @@ from s2a import tasks
 from s2a.core import config
 from s2a.core.bounds import CountFromZero
 from s2a.core.errors import InputError
-from s2a.core.outputs import temporary_folder
+from s2a.core.outputs import atomic_write, temporary_folder
 from s2a.language.do.plan import Skill
 from s2a.motion.obstacles import Obstacles
 from s2a.motion.open import plan_letting_go
@@ -334,7 +334,8 @@ def _simulate(
             break
         ended, pose = _read(sim, stage, offsets), sim.joint_q[0].clone()
     if image:
-        Image.fromarray(Camera(stage, config.camera).image(pose)).save(image)
+        with atomic_write(image) as file:
+            Image.fromarray(Camera(stage, config.camera).image(pose)).save(file)
     values = env.result[0].cpu().tolist()
     return {name: round(value, 5) for name, value in zip(env.columns, values, strict=True)}, ended
 

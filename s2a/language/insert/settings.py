@@ -9,6 +9,7 @@ from typing import Literal
 from pxr import Sdf
 
 from s2a.core.bounds import Count, CountFromZero
+from s2a.core.outputs import Output
 from s2a.language.client import LlmConfig, kind_of
 from s2a.language.insert.drop_test import DropTestConfig
 from s2a.language.insert.object_file import ObjectConfig
@@ -107,9 +108,9 @@ class InsertSettings:
     label: str | None
     objects: Path | None
     prompt: str | None
-    out: Path
-    image: Path | None
-    record: Path | None
+    out: Output
+    image: Output | None
+    record: Output | None
     surface: Literal["regions", "ransac"]
     pose: Literal["search", "paper"]
     retries: CountFromZero

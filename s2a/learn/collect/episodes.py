@@ -16,6 +16,7 @@ import torch
 
 from s2a.core.cache import UNREADABLE
 from s2a.core.errors import InputError
+from s2a.core.locks import contents
 from s2a.core.outputs import atomic_write, replace_file
 from s2a.learn.collect.video import CHANNELS, Encoders, FrameMemory, ImageFile, Images, Key
 from s2a.learn.evaluate import Policy
@@ -109,7 +110,7 @@ class Dataset(Protocol):
 
 def is_foreign(root: Path) -> bool:
     """Return whether a folder holds files, and none that a run of `s2a collect` began with, even if it was killed at once."""
-    names = [path.name for path in root.iterdir() if not path.name.startswith(UNFINISHED)] if root.is_dir() else []
+    names = [path for path in contents(root) if not path.name.startswith(UNFINISHED)] if root.is_dir() else []
     return bool(names) and not (root / ABOUT).is_file()
 
 

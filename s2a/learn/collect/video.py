@@ -7,6 +7,7 @@ import os
 import signal
 import zlib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -300,8 +301,9 @@ class Encoders:
         return files
 
     def _ask(self, *message: object) -> None:
-        for pipe in self._pipes:
-            pipe.send(message)
+        with suppress(ConnectionError):  # of a process that has ended, as its answer tells
+            for pipe in self._pipes:
+                pipe.send(message)
 
     def _answers(self) -> list[Any]:
         """Return the answers to the oldest message of all processes; InputError where one failed."""
@@ -310,7 +312,9 @@ class Encoders:
         except (EOFError, ConnectionError) as error:
             raise InputError("a process that encodes images has ended, perhaps for want of memory") from error
         if errors := [answer for good, answer in answers if not good]:
-            raise InputError(f"images cannot be written: {errors[0]}")
+            raise InputError(
+                f"images cannot be written: {errors[0]}; free some space or memory, or choose another path"
+            )
         return [answer for _, answer in answers]
 
 
@@ -345,9 +349,11 @@ def _work(pipe: Connection, memory: Any, layout: FrameMemory, items: Sequence[An
     while True:
         try:
             name, *inputs = pipe.recv()
-        except EOFError:
+        except (EOFError, ConnectionError):
             return
         try:
-            pipe.send((True, getattr(worker, name)(*inputs)))
+            answer = True, getattr(worker, name)(*inputs)
         except Exception as error:
-            pipe.send((False, repr(error)))
+            answer = False, str(error) or repr(error)
+        with suppress(ConnectionError):  # the one that simulates has ended
+            pipe.send(answer)

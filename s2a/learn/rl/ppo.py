@@ -290,7 +290,8 @@ def train(
     if lead:
         out.mkdir(parents=True, exist_ok=True)
         run_folder.cut(out, first)
-        (out / "policy.json").write_text(json.dumps(asdict(config), indent=1))
+        with atomic_write(out / "policy.json") as file:
+            file.write_text(json.dumps(asdict(config), indent=1))
     todo = max(0, config.iterations - first)
     steps = iter(track(range(todo * config.num_steps_per_env), "train") if lead else range(0))
     with Path(out / "train.log" if lead else os.devnull).open("a") as log, contextlib.redirect_stdout(log):

@@ -43,7 +43,8 @@ class GltfFile:
         data = path.read_bytes()
         text, self._chunk = _chunks(path, data) if data[:4] == b"glTF" or path.suffix.lower() == ".glb" else (data, b"")
         try:
-            self.document: dict[str, Any] = json.loads(text.decode("utf-8-sig"))
+            # Some writers pad with zeros, where the format wants spaces.
+            self.document: dict[str, Any] = json.loads(text.rstrip(b"\0").decode("utf-8-sig"))
             version = str(self.document["asset"]["version"])
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(f"{path}: truncated or no glTF ({error!r}); copy or export it again") from error
@@ -95,9 +96,11 @@ class GltfFile:
         """Return what a URI holds: in itself, or in a file beside this one; None for a file that is missing."""
         if uri.startswith("data:"):
             head, _, data = uri.partition(",")
-            return (
-                base64.b64decode(data + "=" * (-len(data) % 4)) if head.endswith(";base64") else unquote_to_bytes(data)
-            )
+            plain = unquote_to_bytes(data)
+            if not head.lower().endswith(";base64"):
+                return plain
+            letters = b"".join(plain.split()).rstrip(b"=").translate(bytes.maketrans(b"-_", b"+/"))
+            return base64.b64decode(letters + b"=" * (-len(letters) % 4), validate=True)
         file = beside(self.path.parent, uri)
         return None if file is None else file.read_bytes()
 
@@ -160,6 +163,7 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:
 
 
 TRANSFORM, GLOSS = "KHR_texture_transform", "KHR_materials_pbrSpecularGlossiness"
+STRENGTH = "KHR_materials_emissive_strength"
 IMAGES = ("EXT_texture_webp", "EXT_texture_avif")
 """Extensions of textures whose images Pillow decodes."""
 READ = (TRANSFORM, GLOSS, *IMAGES)
@@ -213,7 +217,11 @@ class GltfMaterials:
         exact = "normalized" in self._file.items("accessors")[index]
         exact = exact or "KHR_mesh_quantization" in self._file.items("extensionsUsed")
         coordinates = self._file.array(index).astype(np.float64) if exact else self._fractions(index)
-        return (_transformed(coordinates, transform) * [1, -1] + [0, 1])[inside], colors, material
+        coordinates[~np.isfinite(coordinates)] = np.nan
+        uv = (_transformed(coordinates, transform) * [1, -1] + [0, 1])[inside]
+        if gone := int(np.isnan(uv).any(axis=(1, 2)).sum()):
+            self.lost["faces have coordinates that are not finite; they get the material's colour"] += gone
+        return uv, colors, material
 
     def _fractions(self, index: int) -> np.ndarray:
         """Return an accessor's numbers; integers become fractions although the file forgot to say so."""
@@ -270,7 +278,8 @@ def _base(record: dict[str, Any]) -> tuple[list[float], dict[str, Any]]:
     factor, info = surface.get("baseColorFactor", [1.0] * 4), surface.get("baseColorTexture", {})
     emission = record.get("emissiveFactor", [0.0] * 3)
     if not any(factor[:3]) and any(emission):  # some capture apps bake a room's light into emission
-        return emission, record.get("emissiveTexture", {})
+        strength = record.get("extensions", {}).get(STRENGTH, {}).get("emissiveStrength", 1.0)
+        return [float(strength) * light for light in emission], record.get("emissiveTexture", {})
     return factor, info
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from s2a.core.color_space import fractions
 from s2a.core.errors import InputError
 from s2a.scan import ply_file
 from s2a.scan.ply_file import Element, Lists
@@ -101,11 +102,10 @@ def color_levels(path: Path, element: Element) -> np.ndarray | None:
         return raw.astype(np.float64)
     if len(kinds) == 1 and kind.itemsize > 1 and np.isfinite(raw).all() and raw.min(initial=0) >= 0:
         values = raw.astype(np.float64)
-        if kind.kind == "f" and largest <= 1:
-            return values * 255
+        if kind.kind == "f" and largest <= 255:
+            return fractions(values) * 255
         if largest <= 255:
-            if kind.kind != "f":
-                _log.warning("%s: colours of type %s reach %d, and are taken for levels of 255", path, kind, largest)
+            _log.warning("%s: colours of type %s reach %d, and are taken for levels of 255", path, kind, largest)
             return values
         if kind.itemsize == 2:
             return values * (255 / np.iinfo(kind).max)

@@ -57,6 +57,17 @@ def decode(mesh: Path, name: str, data: bytes) -> np.ndarray | None:
         return None
 
 
+def has_holes(data: bytes) -> bool:
+    """Return whether an image has texels that one sees through; one that cannot be read has none."""
+    from PIL import Image  # of the extra sim; files without textures do without
+
+    try:
+        with Image.open(io.BytesIO(data)) as opened:
+            return opened.has_transparency_data and bool(np.asarray(opened.convert("RGBA"))[..., 3].min() < 255)
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        return False
+
+
 def _existing(folder: Path, name: str) -> Path | None:
     """Return a file in a folder, whose name may be in another case."""
     file = folder / name
@@ -73,6 +84,8 @@ GREY = 170
 """Level of what has no colour."""
 
 
+_FARTHEST = 1e9
+"""Texture coordinate from where on float64 tells no texels apart."""
 REPEAT, CLAMP, MIRROR = "repeat", "clamp", "mirror"
 """What a texture shows beyond coordinates of 0 to 1."""
 
@@ -189,6 +202,7 @@ def sample(
 def bilinear(texture: np.ndarray, uv: np.ndarray, wrap: tuple[str, str] = (REPEAT, REPEAT)) -> np.ndarray:
     """Return a texture's colours at coordinates [... 2], v upwards; shape [... 3], float32."""
     height, width = texture.shape[:2]
+    uv = np.clip(uv, -_FARTHEST, _FARTHEST)
     # glTF, OBJ and USD alike: texel centres lie at half numbers.
     x, y = uv[..., 0] * width - 0.5, (1.0 - uv[..., 1]) * height - 0.5
     column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)

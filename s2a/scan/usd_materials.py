@@ -12,7 +12,7 @@ import numpy as np
 from pxr import Ar, Usd, UsdShade
 
 from s2a.core.color_space import to_bytes, to_linear
-from s2a.scan.source import CLAMP, MIRROR, PLAIN, REPEAT, Material, beside, decode
+from s2a.scan.source import CLAMP, MIRROR, PLAIN, REPEAT, Material, beside, decode, has_holes
 
 _log = logging.getLogger(__name__)
 
@@ -87,12 +87,22 @@ class UsdMaterials:
         for context in CONTEXTS:
             shader = material.ComputeSurfaceSource(context)[0]
             if shader and (appearance := self._surface(shader)) is not None:
-                opacity = self._constant(shader, "opacity")
-                if opacity is not None and float(opacity) < 1:
+                if self._transparent(shader):
                     text = "%s: the material of %s is transparent, and becomes opaque"
                     _log.warning(text, self._path, shader.GetPath())
                 return appearance
         return None
+
+    def _transparent(self, shader: UsdShade.Shader) -> bool:
+        """Return whether one sees through a surface; where an image's alpha decides, whether any of it is below 1."""
+        slot = shader.GetInput("opacity")
+        for attribute in slot.GetValueProducingAttributes() if slot else ():
+            if not UsdShade.Output.IsOutput(attribute):
+                opacity = attribute.Get(self._time)
+                return opacity is not None and float(opacity) < 1
+            asset = self._value(UsdShade.Shader(attribute.GetPrim()), "file")
+            return attribute.GetBaseName() != "a" or has_holes(self._bytes(asset) or b"")
+        return False
 
     def _constant(self, shader: UsdShade.Shader, name: str) -> Any:
         """Return the value of an input that is not connected; None without one."""
@@ -175,16 +185,20 @@ class UsdMaterials:
         return self._coordinates(coordinates, Appearance(material)) if coordinates else Appearance(material)
 
     def _read(self, asset: Any) -> np.ndarray | None:
-        name = str(asset.path) if asset else ""
+        name, data = str(asset.path) if asset else "", self._bytes(asset)
+        if data is not None:
+            return decode(self._path, name, data)
+        _log.warning("%s: the texture %s is missing; its faces become grey", self._path, name)
+        return None
+
+    def _bytes(self, asset: Any) -> bytes | None:
+        """Return what a file holds that an attribute names, also one inside of a USDZ file; None where it is missing."""
         resolved = asset.resolvedPath if asset else ""
         opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved)) if resolved else None
         if opened is not None:
-            return decode(self._path, name, bytes(opened.GetBuffer()))
-        file = beside(self._path.parent, name) if name else None
-        if file is not None:
-            return decode(self._path, name, file.read_bytes())
-        _log.warning("%s: the texture %s is missing; its faces become grey", self._path, name)
-        return None
+            return bytes(opened.GetBuffer())
+        file = beside(self._path.parent, str(asset.path)) if asset and asset.path else None
+        return None if file is None else file.read_bytes()
 
     def _coordinates(self, slot: UsdShade.Input, appearance: Appearance) -> Appearance:
         """Return a appearance with the primvar that its texture reads coordinates from, and what moves them on the way."""

@@ -39,7 +39,8 @@ class Feature:
         ending: of the file's name.
         write: writes the file, and others beside it.
         area: of all faces; None: not looked at.
-        faces: their number.
+        faces: their number; None: not looked at.
+        facing: direction of the sum of all faces' area vectors; None: not looked at.
         colors: all colours of the mesh's vertices, within a level of 255.
         warned: words of the warning; none if nothing is lost.
         refused: words of the error; none if it is read.
@@ -52,6 +53,7 @@ class Feature:
     write: Callable[[Path], None]
     area: float | None = 2.0
     faces: int | None = 2
+    facing: tuple[float, float, float] | None = None
     colors: tuple[tuple[int, int, int], ...] | None = None
     warned: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
@@ -999,14 +1001,14 @@ def _beside(write: Callable[[Path], None], name: str) -> Callable[[Path], None]:
 FEATURES = _features()
 
 
-def table() -> str:
+def table(features: list[Feature]) -> str:
     """Return the table of docs/own_scan.md: for each feature what each format's reader does with it."""
     formats = ("glTF", "OBJ", "PLY", "USD")
     lines = [f"| | {' | '.join(formats)} |", "|---|" + "---|" * len(formats)]
     for group in (COLORS, TEXTURES, GEOMETRY, STAGES, NAMES):
         lines.append(f"| **{group}** |" + " |" * len(formats))
-        for name in dict.fromkeys(each.name for each in FEATURES if each.group == group):
-            mine = [each for each in FEATURES if (each.group, each.name) == (group, name)]
+        for name in dict.fromkeys(each.name for each in features if each.group == group):
+            mine = [each for each in features if (each.group, each.name) == (group, name)]
             cells = [dict.fromkeys(each.status for each in mine if each.format == format) for format in formats]
             lines.append(f"| {name} | " + " | ".join(", ".join(cell) for cell in cells) + " |")
     return "\n".join(lines) + "\n"

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.core.color_space import to_linear
+from s2a.core.color_space import fractions, to_linear
 from s2a.core.errors import InputError
 from s2a.scan.polygons import triangulate
 from s2a.scan.source import CLAMP, PLAIN, REPEAT, Material, SourceMesh, Stated, beside, read_image
@@ -115,23 +115,31 @@ def _libraries(folder: Path, names: str) -> list[str]:
 
 def _library(mesh: Path, file: Path) -> dict[str, Painted]:
     materials: dict[str, Painted] = {}
-    current, textured, transparent = "", set[str](), set[str]()
+    current, textured, transparent, plain = "", set[str](), set[str](), dict[str, None]()
     for line in lines(file):
         key, *words = line.split() or [""]
+        if not words:
+            continue
         if key.lower() == "newmtl":
             current = name_of(line)
-            materials.setdefault(current, GREY_PAINT)
+            if current not in materials:
+                materials[current], plain[current] = GREY_PAINT, None
         elif key == "Kd" and current in materials:
             color = _color(mesh, file, line)
+            plain.pop(current, None)
             if color is not None and current not in textured:
                 materials[current] = Painted(Material(color), np.ones(2), np.zeros(2))
-        elif key.lower() == "map_kd" and words and current in materials:
+        elif key.lower() == "map_kd" and current in materials:
             materials[current] = _textured(mesh, file, name_of(line))
+            plain.pop(current, None)
             textured.add(current)
-        elif key in _OPAQUE and words and _is_number(words[-1]) and float(words[-1]) != _OPAQUE[key]:
+        elif key == "map_d" or (key in _OPAQUE and _is_number(words[-1]) and float(words[-1]) != _OPAQUE[key]):
             transparent.add(current)
     if transparent:
         _log.warning("%s: %s: %d materials are transparent, and become opaque", mesh, file.name, len(transparent))
+    if plain:
+        text = "%s: %s: no colour (Kd, map_Kd) is stated by the material %s; its faces become grey"
+        _log.warning(text, mesh, file.name, ", ".join(list(plain)[:4]))
     return materials
 
 
@@ -218,11 +226,17 @@ def read(path: Path) -> SourceMesh:
     points, given = _vertices(path, text.vertices)
     counts = np.array(text.counts)
     corners = np.array(text.corners).reshape(-1, 2)
+    highest, number = text.highest
+    if highest >= len(points):
+        raise InputError(f"{path}: line {number} names vertex {highest + 1} of {len(points)}; export it again")
+    corners[corners[:, 1] >= len(text.coordinates), 1] = NO_COORDINATE
     places, polygon = triangulate(points, counts, corners[:, 0])
     faces, material = corners[places, 0], np.array(text.material)[polygon]
+    # Some exporters write 7/7/7 without coordinates.
     if gone := int((corners[:, 1] == NO_COORDINATE).sum()):
         _log.warning("%s: %d corners name texture coordinates that do not exist, and have none", path, gone)
     uv = np.array([*text.coordinates, [np.nan, np.nan]])[np.maximum(corners[places, 1], -1)]
+    uv[~np.isfinite(uv).all(axis=2)] = np.nan
     paints = _listed(path, text.names, text.materials)
     for index, paint in enumerate(paints):
         mine = material == index
@@ -249,6 +263,7 @@ class _Text:
         material: of each polygon, -1 for none.
         names: number of each material.
         materials: what the libraries describe.
+        highest: index of a vertex that a face names, and the number of its line.
     """
 
     def __init__(self, path: Path) -> None:
@@ -259,6 +274,7 @@ class _Text:
         self.material: list[int] = []
         self.names: dict[str, int] = {}
         self.materials: dict[str, Painted] = {}
+        self.highest = (-1, 0)
         current, lost = -1, Counter[str]()
         for number, line in enumerate(lines(path), 1):
             key, *words = line.split("#")[0].split() or [""]
@@ -272,6 +288,7 @@ class _Text:
                     if len(corners) < 3:
                         lost["faces with fewer than 3 corners"] += 1
                         continue
+                    self.highest = max(self.highest, (max(corners)[0], number), key=lambda each: each[0])
                     self.counts.append(len(corners))
                     self.corners += corners
                     self.material.append(current)
@@ -304,18 +321,21 @@ def _vertices(path: Path, rows: list[list[float]]) -> tuple[np.ndarray, np.ndarr
         if not np.isin(table[whole, 6], (1.0, 255.0)).all() and (table[whole, 3] == 1).all():
             given[whole] = table[whole, 4:7]
     given[~colored] = np.nan
-    return table[:, :3], given / (255 if colored.any() and np.nanmax(given) > 1 else 1)
+    return table[:, :3], fractions(given)
 
 
 def _corner(word: str, vertices: int, coordinates: int) -> tuple[int, int]:
-    """Return the indices of position and texture coordinate, -1 for none, of "7", "7/3", "7//2", "-1/-1"."""
+    """Return the indices of position and texture coordinate, -1 for none, of "7", "7/3", "7//2", "-1/-1".
+
+    Numbers may be larger than what the lines above hold: some programs write faces first.
+    """
     fields = word.split("/")
     place = int(fields[0])
     texture = int(fields[1]) if len(fields) > 1 and fields[1] else 0
     index = place - 1 if place > 0 else vertices + place
-    if not 0 <= index < vertices:
+    if index < 0 or place == 0:
         raise ValueError("it names a vertex that the lines above do not hold")
-    if abs(texture) > coordinates:  # some exporters write 7/7/7 without coordinates
+    if -texture > coordinates:
         return index, NO_COORDINATE
     return index, texture - 1 if texture >= 0 else coordinates + texture
 

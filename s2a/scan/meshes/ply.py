@@ -116,7 +116,7 @@ def _textures(
     used = np.zeros(len(faces), np.int64)
     if face is not None and "texnumber" in face.columns:
         used = face.columns["texnumber"].astype(np.int64)[polygon]
-    placed = (used >= 0) & (used < len(materials)) & ~np.isnan(uv).any(axis=(1, 2))
+    placed = (used >= 0) & (used < len(materials)) & np.isfinite(uv).all(axis=(1, 2))
     if lost := int((~placed).sum()):
         _log.warning("%s: %d faces have no place on a texture, and keep their own colours", path, lost)
     return uv, np.where(placed, used, -1), materials

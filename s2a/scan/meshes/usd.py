@@ -308,6 +308,9 @@ class _Reader:
             mine = owner[polygon] == number
             _, appearance = self._looks.of(owners[number])
             if appearance is None:
+                opacity = values.at(corners[mine], polygon[mine], "displayOpacity", 1)
+                if lost := int((opacity < 1).any(axis=(1, 2)).sum()):
+                    self._lost["faces are transparent (displayOpacity), and become opaque"] += lost
                 colors[mine] = values.at(corners[mine], polygon[mine], "displayColor", 3)
                 continue
             material[mine] = len(materials)
@@ -324,7 +327,8 @@ class _Reader:
         self, values: _Primvars, appearance: Appearance, corners: np.ndarray, polygon: np.ndarray
     ) -> np.ndarray:
         """Return texture coordinates, shape [face 3 2], NaN where there are none, which is counted."""
-        uv = appearance.placed(values.at(corners, polygon, appearance.coordinates, 2))
+        uv = values.at(corners, polygon, appearance.coordinates, 2)
+        uv = appearance.placed(np.where(np.isfinite(uv), uv, np.nan))
         if lost := int(np.isnan(uv).any(axis=(1, 2)).sum()):
             self._lost[f"faces have a texture and no coordinates {appearance.coordinates!r}; they become white"] += lost
         return uv

@@ -11,6 +11,7 @@ import contextlib
 import gc
 import importlib
 import itertools
+import logging
 import os
 import re
 import signal
@@ -158,12 +159,17 @@ def sweep(command: str, overrides: Sequence[str]) -> None:
     texts, (folder, made) = config.quoted(overrides, settings_of(command)), _sweep_folder(overrides)
     sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *config.opened(texts), f"hydra.sweep.dir={folder}"]
     os.environ["HYDRA_FULL_ERROR"] = "1"
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
     try:
         with outputs.locked({"hydra.sweep.dir": folder}, f"s2a {command} --multirun"):
             hydra.main(config_path=str(config.folder()), config_name=command, version_base="1.3")(job)()
     except (HydraException, OmegaConfBaseException) as error:
         raise InputError(config.explain(error, config.keys(config.compose(command)))) from error
     finally:
+        # Hydra leaves its own handlers, which keep writing to the stdout of this call, and its level.
+        root.handlers[:] = handlers
+        root.setLevel(level)
         _overview(command, folder)
         for empty in (folder, *folder.parents) if made else ():
             with contextlib.suppress(OSError):  # there are results in it

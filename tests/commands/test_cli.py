@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import subprocess
 import sys
@@ -170,7 +171,10 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(
 def test_a_sweep_runs_every_value_each_into_its_own_folder(scan: Path, tmp_path: Path):
     other = tiny_scan.write(tmp_path / "other")
     sweep = tmp_path / "sweep"
+    handlers = logging.getLogger().handlers[:]
     assert cli.main(["export", "-m", f"scan={scan},{other}", "out=usd", f"hydra.sweep.dir={sweep}"]) == 0
+    left = [handler for handler in logging.getLogger().handlers if handler not in handlers]
+    assert not any(isinstance(handler, logging.StreamHandler) for handler in left)
     assert sorted(p.name for p in sweep.glob("[01]/usd/*.usd*")) == ["descriptive.usda"] * 2 + ["geometric.usd"] * 2
 
 

@@ -175,9 +175,12 @@ REFUSABLE = {
     "max_tokens": r"max_tokens",
     "max_completion_tokens": r"max_completion_tokens",
     "temperature": r"temperature",
+    "whole": r"\bstream\w*\b.{0,24}(?:mode|only|true|required|parameter)|(?:only|must)\b.{0,24}\bstream",
     "system": r"role\W+(?:\w+\W+){0,4}system|\bsystem\W+(?:role|message|prompt|instruction)|developer instruction|must alternate",
 }
-"""What some models refuse, and the words in which their servers say so."""
+"""What some models refuse, and the words in which their servers say so; "whole" is an answer that does not come in parts."""
+EVENTS = re.compile(rb"(?:\s|:[^\n]*\n|event:[^\n]*\n)*data:")
+"""The beginning of a response that comes in parts."""
 REFUSALS = (400, 404, 415, 422, 500, 501)
 """Status of a response that refuses a request as it is."""
 FILTERS = re.compile(r"content_filter|content management|safety|blocklist|prohibited|recitation", re.IGNORECASE)
@@ -294,7 +297,7 @@ class Chat:
             try:
                 return self._read(self._send(request, more))
             except self._openai.APIStatusError as error:
-                refused = _refused(error, [*more, "system"])
+                refused = _refused(error, [*more, "system", "whole"])
                 if refused is None or refused in self._refused:
                     raise
                 self._refused.add(refused)
@@ -306,6 +309,8 @@ class Chat:
         if request.schema:
             wanted = {"name": request.step, "schema": request.schema, "strict": True}
             options["response_format"] = {"type": "json_schema", "json_schema": wanted}
+        if "whole" in self._refused:
+            options["stream"] = True
         return {name: value for name, value in options.items() if name not in self._refused}
 
     def _send(self, request: Request, more: dict[str, Any]) -> bytes:
@@ -349,7 +354,7 @@ class Chat:
     def _read(self, text: bytes) -> dict[str, Any]:
         """Return a response as a dictionary."""
         try:
-            body = json.loads(text)
+            body = _gathered(text) if EVENTS.match(text) else json.loads(text)
             if isinstance(body, dict) and body.get("error") and not body.get("choices"):
                 reason = printable(" ".join(str(body["error"]).split())[:300])
                 raise InputError(
@@ -369,10 +374,15 @@ class Chat:
     def _answer(self, body: dict[str, Any], request: Request, seconds: float) -> Answer:
         """Return what a response says; what is not text is nothing. Tokens that it does not tell are estimated."""
         choice = body["choices"][0]
-        text = choice["message"].get("content")
+        message = choice["message"]
+        text = message.get("content")
         if isinstance(text, list):  # parts: thoughts, and the answer
             parts = [part for part in text if isinstance(part, dict) and part.get("type") == "text"]
             text = "".join(str(part.get("text", "")) for part in parts)
+        calls = message.get("tool_calls")
+        if not text and isinstance(calls, list) and len(calls) == 1:  # how some servers give an object of a schema
+            call = calls[0].get("function") if isinstance(calls[0], dict) else None
+            text = call.get("arguments") if isinstance(call, dict) else None
         text = encodable(text) if isinstance(text, str) else ""
         reason, cut = str(choice.get("finish_reason")), ""
         if reason.lower() in ("length", "max_tokens"):
@@ -385,6 +395,8 @@ class Chat:
             )
         elif FILTERS.search(reason):
             cut = "was cut by the endpoint's filter; word prompt and label otherwise"
+        elif not text and isinstance(refusal := message.get("refusal"), str) and refusal:
+            cut = f"is a refusal: {printable(' '.join(refusal.split())[:200])}; word prompt and label otherwise"
         counts = body.get("usage")
         usage = counts if isinstance(counts, dict) else {}
         prompt, completion = (usage.get(key) for key in ("prompt_tokens", "completion_tokens"))
@@ -397,6 +409,23 @@ class Chat:
             completion if is_count(completion) and completion else tokens(text),
             cut=cut,
         )
+
+
+def _gathered(text: bytes) -> dict[str, Any]:
+    """Return a response that came in parts, as events of a stream, as if it had come whole."""
+    content, reason, usage, error = "", None, None, None
+    for line in text.splitlines():
+        data = line[5:].strip() if line.startswith(b"data:") else b""
+        if data in (b"", b"[DONE]"):
+            continue
+        part = json.loads(data)
+        error, usage = part.get("error") or error, part.get("usage") or usage
+        for choice in part.get("choices", [])[:1]:
+            content += (choice.get("delta") or choice.get("message") or {}).get("content") or ""
+            reason = choice.get("finish_reason") or reason
+    if error and not content:
+        return {"error": error}
+    return {"choices": [{"message": {"content": content}, "finish_reason": reason}], "usage": usage}
 
 
 def _refused(error: Any, given: list[str]) -> str | None:

@@ -23,10 +23,11 @@ ALPHABETS = (
     "äéßÆ", "日本語房间", "مرحبا", "\u202e\u200d\ufeff", "🛋️🚪", "\x1b[31m", "e5", ".", "null", "true", "+",
 )  # fmt: skip
 FORMS = (
-    "2024-11-27", "20241127_120000", "2024_11_27", "00017", "007.50", "1e5", "61e5", "1_000", "0x1F", "0b1", "+5", ".5", "-", "--out",
-    "-label", "out=x", "a=b=c", "${oc.env:HOME}", "${out}", "$HOME", "~", "~/x", "~nobody", "trailing  ", "  leading", "two\nlines",
-    "line\r", "???", "null ", "None", "yes", "off", "nan", "inf", "[]", "{}", "[a", "(1)", "a,b", ",", '"', "'", '""', "a\\", "\\n", "<b>",
-    "{{x}}", "%s", "é" * 127, "a" * 255, "TEXT_0_", "TEXT_1_ TEXT_0_", "!!python/object", "&a", "*a", "- a", "a: b", "a #b", "|",
+    "2024-11-27", "20241127_120000", "2024_11_27", "00017", "007.50", "1e5", "61e5", "1_000", "0x1F", "0b1", "+5",
+    ".5", "-", "--out", "-label", "out=x", "a=b=c", "${oc.env:HOME}", "${out}", "$HOME", "~", "~/x", "~nobody",
+    "trailing  ", "  leading", "two\nlines", "line\r", "???", "null ", "None", "yes", "off", "nan", "inf", "[]", "{}",
+    "[a", "(1)", "a,b", ",", '"', "'", '""', "a\\", "\\n", "<b>", "{{x}}", "%s", "é" * 127, "a" * 255, "TEXT_0_",
+    "TEXT_1_ TEXT_0_", "!!python/object", "&a", "*a", "- a", "a: b", "a #b", "|",
 )  # fmt: skip
 """What programs and people name folders: dates, numbers, options, variables, templates, names as long as may be."""
 
@@ -42,18 +43,18 @@ def texts(count: int, seed: int) -> list[str]:
     return [*FORMS, *mixed][:count]
 
 
-def text_keys(command: str) -> dict[str, bool]:
-    """Return the keys of a command that take a text or a path, by name: whether a list of them."""
+def text_keys(command: str) -> dict[str, bool | None]:
+    """Return the keys of a command that take a text or a path, by name: whether a list of them; None: or a list."""
     given = set(config.keys(cli.compose(command, [])))
 
-    def walk(settings: type, prefix: str) -> Iterator[tuple[str, bool]]:
+    def walk(settings: type, prefix: str) -> Iterator[tuple[str, bool | None]]:
         for name, kind in get_type_hints(settings).items():
             kinds = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
             for each in kinds:
                 if is_dataclass(each):
                     yield from walk(each, f"{prefix}{name}.")
             if {str, Path}.intersection(kinds):
-                yield prefix + name, False
+                yield prefix + name, None if any(get_origin(each) is tuple for each in kinds) else False
             elif any(get_origin(each) is tuple and set(get_args(each)) <= {str, Path, ...} for each in kinds):
                 yield prefix + name, True
 
@@ -83,6 +84,7 @@ def test_every_text_arrives_through_every_key(command: str, rounds: int) -> None
     order = np.random.default_rng(rounds).permutation(len(samples))
     for turn in range(rounds):
         mine = {key: samples[order[(turn + place) % len(samples)]] for place, key in enumerate(keys)}
+        mine |= {key: text[1:] for key, text in mine.items() if keys[key] is None and text[:1] + text[-1:] == "[]"}
         arguments = [f"{key}={f'[{quoted(text)}]' if keys[key] else text}" for key, text in mine.items()]
         values = cli.compose(command, arguments)
         for key, text in mine.items():

@@ -146,7 +146,7 @@ def test_what_an_endpoint_can_do_wrong_ends_in_one_line(monkeypatch, reply, said
         (words("I would put it on the desk."), "not one JSON object"),
         (words("{" * 5000), "not one JSON object"),
         (words('{"up":' * 50000 + "}" * 50000), "not one JSON object"),
-        (message(None, violation="I cannot help with that."), "not one JSON object"),
+        (message(None, content_note="I cannot help with that."), "not one JSON object"),
         (words({**PLAN, "up": "z"}), "possible: .*\\+z"),
         (words({**PLAN, "front": "+z"}), "lies along up"),
         (words({**PLAN, "choices": []}), "0 choices"),

@@ -23,6 +23,7 @@ class Said:
     wait: float = 0.0
     promised: int = 0  # bytes more than come
     trickle: float = 0.0  # wait after each byte
+    headers: dict[str, str] = field(default_factory=lambda: {"retry-after-ms": "1"})
 
 
 @dataclass
@@ -57,9 +58,9 @@ def endpoint(*replies: Reply | Said) -> Iterator[Endpoint]:
             time.sleep(said.wait)
             try:
                 self.send_response(said.status)
-                self.send_header("Content-Type", "application/json")
                 self.send_header("Content-Length", str(len(said.body) + said.promised))
-                self.send_header("retry-after-ms", "1")
+                for name, value in {"Content-Type": "application/json", **said.headers}.items():
+                    self.send_header(name, value)
                 self.end_headers()
                 for piece in [said.body[i : i + 1] for i in range(len(said.body))] if said.trickle else [said.body]:
                     self.wfile.write(piece)

@@ -12,7 +12,7 @@ from s2a import tasks
 from s2a.commands.worlds import WorldsConfig
 from s2a.core.bounds import Count
 from s2a.core.errors import InputError
-from s2a.core.outputs import Output, atomic_write
+from s2a.core.outputs import Output, atomic_write, full_disk_reported
 from s2a.core.provenance import provenance
 from s2a.learn.collect.episodes import ABOUT, STAGE, Collector, Dataset, read_stage, temporary, write_stage
 from s2a.learn.evaluate import Policy
@@ -103,7 +103,11 @@ def run(config: Config) -> str:
     session = begin(config)
     collector = session.collector
     dataset = format_of(config.format)(config.out, collector.features)
-    with temporary(config.out) as folder, collector.encoders(dataset) as encoders:
+    with (
+        full_disk_reported(config.out),
+        temporary(config.out) as folder,
+        collector.encoders(dataset) as encoders,
+    ):
         _keep(config, session)
         began, first, run_episodes = time.perf_counter(), dataset.count, 0
         while dataset.count < config.episodes:

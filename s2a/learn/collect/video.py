@@ -311,10 +311,8 @@ class Encoders:
             answers = [pipe.recv() for pipe in self._pipes]
         except (EOFError, ConnectionError) as error:
             raise InputError("a process that encodes images has ended, perhaps for want of memory") from error
-        if errors := [answer for good, answer in answers if not good]:
-            raise InputError(
-                f"images cannot be written: {errors[0]}; free some space or memory, or choose another path"
-            )
+        for number, reason in (answer for good, answer in answers if not good):
+            raise OSError(number, reason) if number else InputError(f"images cannot be written: {reason}")
         return [answer for _, answer in answers]
 
 
@@ -354,6 +352,6 @@ def _work(pipe: Connection, memory: Any, layout: FrameMemory, items: Sequence[An
         try:
             answer = True, getattr(worker, name)(*inputs)
         except Exception as error:
-            answer = False, str(error) or repr(error)
+            answer = False, (getattr(error, "errno", None), str(error) or repr(error))
         with suppress(ConnectionError):  # the one that simulates has ended
             pipe.send(answer)

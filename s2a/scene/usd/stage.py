@@ -12,6 +12,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils, UsdValidation, 
 
 from s2a.core.color_space import to_bytes, to_linear
 from s2a.core.errors import InputError
+from s2a.core.outputs import full_disk_reported
 from s2a.scene.scene import Mesh, Scene
 
 ROOT = "/scene"
@@ -54,7 +55,8 @@ def save_layer(layer: Sdf.Layer, path: Path, endings: Collection[str] = (".usda"
     if path.suffix not in endings:
         raise InputError(f"{path}: {path.suffix or 'no'} ending; such a file ends in {', '.join(endings)}")
     try:
-        written = layer.Export(str(path))
+        with full_disk_reported(path):
+            written = layer.Export(str(path))
     except Tf.ErrorException:
         written = False
     if not written:

@@ -107,13 +107,13 @@ class Record:
 
 
 def load(path: Path) -> Record:
-    """Read a JSON file, UTF-8 with or without a byte order mark, whose top level is an object.
+    """Read a JSON file, UTF-8 or UTF-16 with or without a byte order mark, whose top level is an object.
 
     Raises:
-        InputError: the file cannot be read, is no JSON (truncated, say), or holds something other than an object.
+        InputError: the file cannot be read, is no JSON (truncated, say), has a key twice, or holds something else.
     """
     try:
-        content = json.loads(path.read_bytes().decode("utf-8-sig"))
+        content = json.loads(path.read_bytes(), object_pairs_hook=_once)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from error
     except (ValueError, RecursionError) as error:  # of the decoder or the parser
@@ -121,6 +121,16 @@ def load(path: Path) -> Record:
     if not isinstance(content, dict):
         raise InputError(f"{path}: holds a {type(content).__name__}; expected an object {{...}}")
     return Record(content, str(path))
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object; a ValueError for one that has a key twice, of which readers would take any."""
+    record = dict(pairs)
+    if len(record) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"an object has the key {twice!r} twice")
+    return record
 
 
 def _is_finite(value: object) -> bool:

@@ -17,6 +17,7 @@ import tiny_scan
 from s2a.commands import cli
 from s2a.core import config
 from s2a.core.errors import InputError
+from s2a.scene.usd import geometric
 
 ALPHABETS = (
     "abcXYZ", "0123456789", "0123456789_", "-", "=", "'\"", "[](){}", ",", ", ", "${}", "~", " ", "\n\t", "\\", "#@!$&*?|<>;:%^`",
@@ -139,3 +140,30 @@ def test_folders_of_any_name_are_read_and_written(
             assert cli.main(["view", f"path={name}/geometric.usd"]) == 0
     assert os.listdir(tmp_path / "in") == [name]
     assert "\x1b" not in printed.err + printed.out
+
+
+LABELS = (
+    "<script>alert(1)</script>",
+    "\x1b[31mdoor",
+    "\u202erood",
+    "{label}",
+    "%s",
+    "${x}",
+    "T\xfcr \u95e8",
+    "/World/x",
+    "x" * 300,
+)
+
+
+@pytest.mark.parametrize("label", LABELS, ids=ascii)
+def test_labels_of_any_letters_are_kept_and_printed_as_text(
+    label: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = tiny_scan.contents()
+    files[tiny_scan.PARTS]["data"]["annotations"][1]["label"] = f"{label}.1.2"
+    tiny_scan.write(tmp_path / "scan", files)
+    assert cli.main(["export", f"scan={tmp_path / 'scan'}", f"out={tmp_path / 'usd'}"]) == 0
+    assert label in {part.label for part in geometric.read(tmp_path / "usd" / "geometric.usd").parts.values()}
+    assert cli.main(["view", f"path={tmp_path / 'usd' / 'geometric.usd'}"]) == 0
+    printed = capsys.readouterr()
+    assert all(letter.isprintable() or letter == "\n" for letter in printed.out + printed.err)

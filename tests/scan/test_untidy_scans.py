@@ -11,14 +11,26 @@ import tiny_scan
 from tiny_scan import corners, read, triangles
 
 from s2a import scan
+from s2a.core.errors import InputError
 from s2a.scene.scene import Joint
 
 
-def test_a_byte_order_mark_is_skipped(tmp_path):
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32"])
+def test_a_byte_order_mark_and_wide_letters_are_read(encoding, tmp_path):
     folder = tiny_scan.write(tmp_path / "scan")
     for file in folder.glob("*.json"):
-        file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+        file.write_bytes(file.read_text().replace(",", ",\r\n").encode(encoding))
     assert scan.read(folder).parts == read(tmp_path / "plain").parts
+
+
+@pytest.mark.parametrize("name", [tiny_scan.PARTS, tiny_scan.ARTIC])
+def test_a_key_that_an_object_has_twice_is_refused(name, tmp_path):
+    folder = tiny_scan.write(tmp_path / "scan")
+    key = {tiny_scan.PARTS: "label", tiny_scan.ARTIC: "rangeMax"}[name]
+    text = (folder / name).read_text().replace(f'"{key}":', f'"{key}": 0, "{key}":')
+    (folder / name).write_text(text)
+    with pytest.raises(InputError, match=f"{name}.*key '{key}' twice"):
+        scan.read(folder)
 
 
 def test_the_folder_may_be_a_scannetpp_one(tmp_path):

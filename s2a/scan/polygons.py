@@ -56,10 +56,10 @@ def ears(outline: np.ndarray) -> np.ndarray:
         area = _cross(ring - before, after - ring)
         longest = np.maximum(np.sum((after - before) ** 2, axis=1), np.finfo(float).tiny)
         order = np.argsort(-area / longest)
-        convex = [i for i in order if area[i] > _FLAT * size and _is_ear(ring, i)]
+        convex = next((i for i in order if area[i] > _FLAT * size and _is_ear(ring, i)), None)
         # Without an ear a corner on a straight line, or a spike, goes; a polygon that crosses itself loses any corner.
         level = [i for i in order if abs(area[i]) <= _FLAT * size]
-        chosen = int((convex or level or list(order))[0])
+        chosen = int((level or list(order))[0] if convex is None else convex)
         triangles.append((left[chosen - 1], left[chosen], left[(chosen + 1) % len(left)]))
         del left[chosen]
     triangles.append(tuple(left))

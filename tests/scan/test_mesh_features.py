@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from mesh_variants import VARIANTS
 from s2a.core.errors import InputError
 from s2a.scan import source
 from s2a.scan.bake import bake
+from s2a.scan.polygons import ears
 
 FILES = FEATURES + VARIANTS
 DOCS = Path(__file__).parents[2] / "docs" / "own_scan.md"
@@ -72,3 +74,14 @@ def test_damaged_files_are_read_or_refused_but_never_crash(format: str, seed: in
 
 def test_the_table_in_the_docs_is_the_one_that_was_tested() -> None:
     assert DOCS.read_text().partition(BEGIN)[2].partition(END)[0] == table(FILES)
+
+
+def test_a_floor_plan_of_many_corners_is_cut_at_once() -> None:
+    """A comb of 100 teeth 1 wide and 2 high on a bar 1 high and 199 wide."""
+    teeth = [point for x in range(198, -1, -2) for point in ((x + 1, 3), (x, 3), (x, 1), (x - 1, 1))][:-2]
+    outline = np.array([(0, 0, 0), (199, 0, 0), *((x, y, 0) for x, y in teeth)], float)
+    start = time.process_time()
+    triangles = outline[ears(outline)]
+    area = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2] / 2
+    assert area.min() >= 0 and area.sum() == pytest.approx(199 + 200)
+    assert time.process_time() - start < 5

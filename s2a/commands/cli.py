@@ -37,7 +37,7 @@ from s2a.core.progress import StdoutFilter
 
 ORDER = (
     "import", "annotate", "check", "export", "prepare", "certify", "convert",
-    "train", "evaluate", "bench", "perceive", "collect", "replay", "view", "report",
+    "dataset", "train", "evaluate", "bench", "perceive", "collect", "replay", "view", "report",
 )  # fmt: skip
 """Commands as a scan meets them; those of satellites follow, room by room."""
 ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")

@@ -15,8 +15,9 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack, contextmanager
 from multiprocessing.connection import Connection
 from types import ModuleType
 from typing import TypeVar
@@ -62,6 +63,38 @@ def spread(
             own = _taken_back(work, shared, items, futures)
             for k, future in enumerate(futures):
                 yield own[k] if k in own else future.result()
+
+
+def apart(
+    work: Callable[[Shared, Item], Result], shared: Shared, items: Sequence[Item], jobs: int
+) -> Iterator[tuple[int, Result | None]]:
+    """Yield index and `work(shared, item)` of each item as it is done, each from a process of its own.
+
+    The result is None where that process died, as for want of memory: the others go on.
+
+    Args:
+        work: a function of a module, that helpers can import.
+        shared: what all the work needs.
+        items: the work.
+        jobs: processes at once.
+    """
+    waiting = list(range(len(items)))
+    running: dict[Future[Result], tuple[int, ExitStack]] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                index, stack = waiting.pop(0), ExitStack()
+                pool = stack.enter_context(processes(1, shared))
+                with _hidden_main():
+                    running[pool.submit(_in_helper, work, items[index])] = index, stack
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                index, stack = running.pop(future)
+                died = isinstance(future.exception(), BrokenProcessPool)
+                stack.close()
+                yield index, None if died else future.result()
+    finally:
+        for _, stack in running.values():
+            stack.close()
 
 
 def _taken_back(

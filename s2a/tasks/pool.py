@@ -12,10 +12,13 @@ import numpy as np
 from s2a.core.cache import UNREADABLE
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.motion.trajectory import Demonstration
+from s2a.motion.open import Skill, demonstration
+from s2a.motion.trajectory import Demonstration, PlannerConfig
+from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_read import refuse_unphysical
-from s2a.sim.world import SimStage, stage_of
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.world import SimStage, read_stage, stage_of
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class PoolPart:
         room: its sim.usd, relative to the index.
         part: its id.
         kind: of its joint, prismatic or revolute.
-        handle: family or style of its handle, as the scan's truth says.
+        handle: family or style of its handle, as the truth of a virtual scan says; of other scans: scanned, added or none.
         motion: file of the planner's motion, relative to the index.
         frames: file of what a depth camera sees of it, relative to the index; empty: nothing was taken.
     """
@@ -61,7 +64,9 @@ def write(path: Path, entries: Sequence[PoolPart], left_out: Mapping[str, str], 
 def read(path: Path) -> list[PoolPart]:
     """Return the parts of an index; InputError where it is none, or names no part."""
     if not path.is_file():
-        raise InputError(f"{str(path)!r} does not exist; give a sim.usd, or the index that s2a pool writes")
+        raise InputError(
+            f"{str(path)!r} does not exist; give a sim.usd, or the index that s2a pool or s2a dataset writes"
+        )
     try:
         entries = [PoolPart(**entry) for entry in json.loads(path.read_text())["parts"]]
     except (ValueError, KeyError, TypeError) as error:
@@ -79,6 +84,13 @@ def stages(path: Path, robot: str) -> list[SimStage]:
         refuse_unphysical(path.parent / room)
     read_rooms = {room: sim_stage.read(path.parent / room, visuals=False) for room in rooms}
     return [stage_of(path.parent / each.room, read_rooms[each.room], each.part, robot=robot) for each in entries]
+
+
+def planned(
+    room: Path, part: str, robot: RobotSpec, sim: SimConfig, planner: PlannerConfig, tool_path: Skill
+) -> Demonstration:
+    """Return the planner's motion of a part of a simulation-ready room; InputError where the arm cannot reach along it."""
+    return demonstration(Simulation(read_stage(room, part, robot=robot.name), sim, 1), planner, tool_path)
 
 
 def save_motion(motion: Demonstration, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -41,3 +42,14 @@ def test_four_jobs_of_a_sweep_are_completed_by_slurm(tmp_path: Path, slurm: dict
     states = subprocess.run(asked, env=slurm, check=True, capture_output=True, text=True).stdout.split()
     assert states == ["COMPLETED"] * 4
     assert len(list(tmp_path.glob("sweep/*/run/metrics.json"))) == 4
+
+
+@pytest.mark.slow
+def test_rooms_that_submitit_runs_become_one_index(tmp_path: Path) -> None:
+    for name in ("hall", "attic"):
+        (tmp_path / f"{name}.ply").write_text("nothing")
+    scans = ",".join(f"{tmp_path}/{name}.ply" for name in ("hall", "attic"))
+    sweep = ("-m", "hydra/launcher=submitit_local", f"hydra.sweep.dir={tmp_path}/sets")
+    subprocess.run([sys.executable, "-m", "s2a", "dataset", *sweep, f"scans={scans}", "out=rooms"], check=True)
+    rows = json.loads((tmp_path / "sets/pool.json").read_text())["verdicts"]
+    assert [row["name"] for row in rows] == ["hall", "attic"] and all("import: " in row["failed"] for row in rows)

@@ -121,3 +121,13 @@ def _runs(process: int) -> bool:
         return Path(f"/proc/{process}/stat").read_text().split()[2] not in "ZX"
     except FileNotFoundError:
         return False
+
+
+def square_or_die(shared: int, item: int) -> int:
+    if item < 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return shared * item * item
+
+
+def test_a_process_that_dies_is_one_result_of_many():
+    assert dict(workers.apart(square_or_die, 2, [1, -1, 3], 2)) == {0: 2, 1: None, 2: 18}

@@ -25,13 +25,12 @@ from s2a.homes.sample import RoomKind, SampleConfig, sample
 from s2a.homes.scanner import ScannerConfig
 from s2a.learn.perception import depth_camera as cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
-from s2a.motion.open import demonstration
-from s2a.motion.trajectory import Demonstration, PlannerConfig
+from s2a.motion.trajectory import PlannerConfig
 from s2a.prepare.room import ALL, PrepareConfig, prepare
 from s2a.robot import Robot
 from s2a.scene.usd import sim_stage
-from s2a.sim.simulation import SimConfig, Simulation
-from s2a.sim.world import read_stage, stage_of
+from s2a.sim.simulation import SimConfig
+from s2a.sim.world import stage_of
 from s2a.tasks import MdpSettings, pool, task
 
 
@@ -166,8 +165,10 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
             if not articulation.bases[config.robot.name].free:
                 raise InputError("no base pose is free")
             motion = f"{name}_{part}.npz"
+            path_of = partial(task(config.task.name).tool_path, config=config.task)
+            planned = pool.planned(file, part, config.robot, config.sim, config.planner, path_of)
             with atomic_write(config.out / motion) as out:
-                pool.save_motion(_motion(config, file, part), out)
+                pool.save_motion(planned, out)
         except InputError as error:
             made["left_out"][f"{name}/{part}"] = str(error).removeprefix(f"{file}: ")
             continue
@@ -196,8 +197,3 @@ def _settings(config: Config) -> Any:
     for key in (*WHICH, "out", "jobs"):
         values.pop(key)
     return json.loads(json.dumps(values, default=str))
-
-
-def _motion(config: Config, file: Path, part: str) -> Demonstration:
-    sim = Simulation(read_stage(file, part, robot=config.robot.name), config.sim, 1)
-    return demonstration(sim, config.planner, partial(task(config.task.name).tool_path, config=config.task))

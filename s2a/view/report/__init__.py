@@ -79,6 +79,11 @@ def _rows(path: Path, key: str) -> bool:
 
 artefacts.register(
     Artefact(
+        "an index of s2a dataset",
+        lambda path: _rows(path, "verdicts"),
+        report=lambda path: results.rooms(values(path), path),
+    ),
+    Artefact(
         "a run of s2a train",
         lambda path: (path / results.SETTINGS).is_file(),
         report=lambda path: results.report(results.of_folder(path)),

@@ -163,6 +163,61 @@ def _value(value: object) -> object:
     return Markup("<span class='fail'>no</span>") if value is False else value
 
 
+OPENED = 0.5
+"""Fraction of the planner's episodes from which on a part counts as opened."""
+
+
+def rooms(values: Mapping[str, Any], path: Path) -> Document:
+    """Return the page of a data set: a verdict a room, an image of each, its parts, and why others were left out."""
+    rows = values["verdicts"]
+    overview = [_room(row) for row in rows]
+    header = ("room", "", "parts that move", "in the index", "certified", "opened by the planner", "minutes", "reason")
+    minutes = sum(sum(row["seconds"].values()) for row in rows) / 60
+    sections = [(f"{len(rows)} rooms", table(header, overview))]
+    files = [(row, path.parent / row["image"]) for row in rows if row["image"]]
+    shown = [(f"{row['name']}: {_verdict(row)}", file.read_bytes()) for row, file in files if file.is_file()]
+    note = "<p>Fronts: green, opened by the planner; blue, in the index; red, left out.</p>"
+    sections.append(("Images", note + document.figures(shown)))
+    stages = list(dict.fromkeys(stage for row in rows for stage in row["seconds"]))
+    seconds = [(row["name"], *(row["seconds"].get(stage) for stage in stages)) for row in rows]
+    parts = [
+        (row["name"], part, *(verdict.get(key) for key in ("success", "grasp_success", "certified", "failed_checks")))
+        for row in rows
+        for part, verdict in row["verdicts"].items()
+    ]
+    sections.append(("Parts", table(("room", "part", "opened", "grasped", "certified", "failed checks"), parts)))
+    sections.append(("Left out", table(("room/part", "reason"), list(values["left_out"].items()))))
+    sections.append(("Seconds a stage", table(("room", *stages), seconds)))
+    bad = sum(bool(row["failed"]) for row in rows)
+    title = f"{len(values['parts'])} parts of {len(rows)} rooms"
+    return Document(title, f"{bad} rooms failed; {minutes:.1f} minutes; {provenance(values)}", tuple(sections))
+
+
+def _room(row: Mapping[str, Any]) -> tuple[object, ...]:
+    verdicts = row["verdicts"].values()
+    certified = [verdict["certified"] for verdict in verdicts if "certified" in verdict]
+    opened = [verdict["success"] >= OPENED for verdict in verdicts if "success" in verdict]
+    return (
+        row["name"],
+        _status("fail" if row["failed"] else "pass"),
+        len(row["parts"]) + len(row["left_out"]),
+        len(row["parts"]),
+        f"{sum(certified)} of {len(certified)}" if certified else None,
+        f"{sum(opened)} of {len(opened)}" if opened else None,
+        round(sum(row["seconds"].values()) / 60, 1),
+        row["failed"],
+    )
+
+
+def _verdict(row: Mapping[str, Any]) -> str:
+    """Return what became of a room in a few words."""
+    if row["failed"]:
+        return f"failed, {row['failed']}"
+    rates = [verdict["success"] for verdict in row["verdicts"].values() if "success" in verdict]
+    opened = f", {sum(rate >= OPENED for rate in rates)} opened" if rates else ""
+    return f"{len(row['parts'])} parts{opened}; {len(row['left_out'])} left out"
+
+
 BAR = 120
 """[px] Of a bar that reaches its bound."""
 

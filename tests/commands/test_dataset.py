@@ -1,0 +1,92 @@
+"""Many captures: their names, rows of what failed, and the data sets of a sweep's jobs joined to one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from s2a.commands import cli, dataset
+from s2a.core.errors import InputError
+from s2a.tasks import pool
+from s2a.view import report
+
+PART = {"room": "a.usd", "part": "drawer_1", "kind": "prismatic", "handle": "scanned", "motion": "a_drawer_1.npz"}
+
+
+def row(name: str, **more: Any) -> dict[str, Any]:
+    """Return the row of a room in which nothing was made."""
+    empty = {"name": name, "source": name, "failed": "", "seconds": {}, "parts": [], "left_out": {}, "verdicts": {}}
+    return empty | {"image": ""} | more
+
+
+def test_patterns_name_captures(tmp_path: Path) -> None:
+    (tmp_path / "flat").mkdir()
+    for name in ("hall.ply", "attic.obj"):
+        (tmp_path / name).touch()
+    names = list(dataset.captures_of(f"{tmp_path}/*").values())
+    assert names == ["attic", "flat", "hall"]
+    assert list(dataset.captures_of((f"{tmp_path}/hall.ply", f"{tmp_path}/*"))) == [
+        tmp_path / "hall.ply",
+        tmp_path / "attic.obj",
+        tmp_path / "flat",
+    ]
+
+
+def test_no_capture_and_two_of_one_name_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "hall.ply").touch()
+    (tmp_path / "hall.obj").touch()
+    for given, words in (
+        (f"{tmp_path}/*", "both named 'hall'"),
+        (f"{tmp_path}/no", "no file or folder"),
+        ((), "empty"),
+    ):
+        with pytest.raises(InputError, match=words):
+            dataset.captures_of(given)
+
+
+def test_the_data_sets_of_jobs_become_one_index(tmp_path: Path) -> None:
+    for job in ("0", "1", "10"):
+        (tmp_path / job / ".hydra").mkdir(parents=True)
+        (tmp_path / job / ".hydra/overrides.yaml").write_text("- scans=/captures/hall\n- out=rooms\n")
+    for job, one in (("0", row("a", parts=[PART], image="a.jpg")), ("10", row("b", left_out={"door_2": "no base"}))):
+        (tmp_path / job / "rooms").mkdir()
+        pool.write(tmp_path / job / "rooms/pool.json", [], {}, {"verdicts": [one]})
+    text = dataset.overview(tmp_path)
+    assert (
+        "1 parts of 3 rooms; 1 parts left out, 1 rooms failed" in text
+        and "job 1 failed: the job wrote no index" in text
+    )
+    (entry,) = pool.read(tmp_path / "pool.json")
+    assert (entry.room, entry.motion) == ("0/rooms/a.usd", "0/rooms/a_drawer_1.npz")
+    index = json.loads((tmp_path / "pool.json").read_text())
+    assert [one["name"] for one in index["verdicts"]] == ["a", "job 1", "b"]
+    assert index["left_out"] == {"b/door_2": "no base"} and index["verdicts"][0]["image"] == "0/rooms/a.jpg"
+
+
+def test_the_page_shows_a_verdict_a_room_and_reasons(tmp_path: Path) -> None:
+    verdicts = {"drawer_1": {"success": 1.0, "grasp_success": 1.0, "certified": True, "failed_checks": ""}}
+    rows = [
+        row("a", parts=[PART], verdicts=verdicts, seconds={"import": 60.0, "prepare": 30.0}),
+        row("b", failed="import: no up axis"),
+    ]
+    pool.write(tmp_path / "pool.json", [pool.PoolPart(**PART)], {"a/door_2": "no base"}, {"verdicts": rows})
+    page = report.read(tmp_path / "pool.json").html()
+    assert "1 parts of 2 rooms" in page and "1 rooms failed; 1.5 minutes" in page
+    assert all(words in page for words in ("import: no up axis", "no base", "1 of 1", "a/door_2"))
+
+
+@pytest.mark.slow
+def test_captures_that_fail_are_rows_and_are_tried_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("hall.ply", "attic.txt"):
+        (tmp_path / name).write_text("nothing")
+    keys = ["dataset", f"scans=[{tmp_path}/hall.ply,{tmp_path}/attic.txt]", f"out={tmp_path}/rooms", "jobs=2"]
+    assert cli.main(keys) == 0
+    rows = json.loads((tmp_path / "rooms/pool.json").read_text())["verdicts"]
+    assert [one["name"] for one in rows] == ["hall", "attic"]
+    assert all(one["failed"].startswith("import: ") and one["parts"] == [] for one in rows)
+    assert "2 rooms failed" in capsys.readouterr().out
+    assert cli.main([*keys, "episodes=3"]) == 2
+    assert "made with other settings" in capsys.readouterr().err

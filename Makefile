@@ -12,7 +12,8 @@ ROBOT ?= panda
 .PHONY: demo test check docs format lock clean
 
 demo: $(INSTALLED)
-	$(BIN)/python tools/run_demo.py $(DEMO) --robot $(ROBOT)
+	$(BIN)/s2a demo folder=$(DEMO) robot=$(ROBOT)
+	$(BIN)/python tools/joint_table.py $(DEMO)/geometric.usd $(DEMO)/scan/truth/truth.usda
 
 # A thread for each worker: as many as cores would stand in each other's way.
 test: $(INSTALLED)

@@ -55,12 +55,24 @@ def test_export_and_the_text_of_view_need_no_extra(tmp_path: Path) -> None:
         assert "door" in shown.stdout
 
 
-@pytest.mark.parametrize("command", sorted(set(cli.commands()) - {"export", "import", "report", "view"}))
+FREE = {"demo", "doctor", "export", "import", "report", "view"}
+"""Commands that begin without an extra; the first step of the demo names it."""
+
+
+@pytest.mark.parametrize("command", sorted(set(cli.commands()) - FREE))
 def test_a_command_without_its_extra_names_the_pip_command(command: str) -> None:
     failed = s2a(EVERYTHING, command, "--help")
     assert failed.returncode == 2
     assert failed.stderr.count("\n") == 1
     assert "is not installed; give: pip install 's2a[" in failed.stderr
+
+
+def test_the_doctor_tells_of_each_extra_what_is_missing() -> None:
+    healthy, bare = s2a([], "doctor"), s2a(EVERYTHING, "doctor")
+    assert healthy.returncode == bare.returncode == 0, bare.stderr
+    for extra in errors.MODULES:
+        assert bare.stdout.count(f"pip install 's2a[{extra}]'") == 1 and f"\nextra {extra}: " in healthy.stdout
+    assert "missing" not in healthy.stdout and "usd-core" in bare.stdout and "not known without" in bare.stdout
 
 
 def test_an_image_without_the_simulation_extra_names_the_pip_command(tmp_path: Path) -> None:

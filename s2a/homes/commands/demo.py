@@ -1,14 +1,7 @@
-"""The demo: every step from a virtual office to a robot that opens one of its drawers, with the time that is left.
-
-    python tools/run_demo.py demo [--robot panda]
-
-The first argument is the folder that is filled. Steps are the commands that are printed, and can be repeated alone.
-"""
+"""Command `s2a demo`: run every step from a virtual office to a robot that opens one of its drawers."""
 
 from __future__ import annotations
 
-import argparse
-import os
 import shlex
 import shutil
 import subprocess
@@ -21,9 +14,26 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from s2a.core.errors import InputError
+
 PART = "part=drawer_15"
+WIDTH = 120
+"""[character] Of a line that goes to a file or a pipe."""
 TICK = 0.5
 """[s] Between two looks at the clock."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a demo`.
+
+    Attributes:
+        folder: receives what the steps write; it is filled again by a second run.
+        robot: name of the robot; the pretrained policy is a Panda's.
+    """
+
+    folder: Path
+    robot: str
 
 
 @dataclass(frozen=True)
@@ -43,10 +53,11 @@ class Step:
 
 def steps(demo: str, robot: str) -> list[Step]:
     """Return the steps; the pretrained policy is one of a Panda."""
+    demo = shlex.quote(demo)
     room, arm = f"stage={demo}/room.usd {PART}", f" robot={robot}" * (robot != "panda")
     stapler = f"object={demo}/zoo/objects/stapler.usda label=stapler"
     hint = 'prompt="put it next to the keyboard" llm=rules'
-    found = [
+    plan = [
         Step("furnish an office and scan it", 20, f"s2a sample room=office seed=101 detail=demo out={demo}/scan"),
         Step("write two flavours of USD", 5, f"s2a export scan={demo}/scan out={demo}"),
         Step("write a hundred objects", 4, f"s2a zoo out={demo}/zoo"),
@@ -67,11 +78,10 @@ def steps(demo: str, robot: str) -> list[Step]:
             f"s2a evaluate {room} policy=pretrained out={demo}/pretrained.json",
         ),
         Step("begin a training", 25, f"s2a train {room}{arm} num_envs=16 ppo.iterations=3 out={demo}/ppo"),
-        Step("compare joints", 8, f"python tools/joint_table.py {demo}/geometric.usd {demo}/scan/truth/truth.usda"),
         Step("write the room as a page", 6, f"s2a view path={demo}/room.usd html={demo}/room.html"),
         Step("write the result as a page", 2, f"s2a report path={demo}/planner.json out={demo}/planner.html"),
     ]
-    return [step for step in found if robot == "panda" or "pretrained" not in step.command]
+    return [step for step in plan if robot == "panda" or "pretrained" not in step.command]
 
 
 def left(todo: list[Step], done: list[Step], elapsed: float, running: float) -> float:
@@ -89,55 +99,56 @@ def left(todo: list[Step], done: list[Step], elapsed: float, running: float) -> 
     return rest + max(pace * todo[0].seconds - running, 0.0)
 
 
-def main() -> None:
-    """Run all steps; end with the first that fails."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder")
-    parser.add_argument("--robot", default="panda")
-    args = parser.parse_args()
-    shutil.rmtree(Path(args.folder) / "ppo", ignore_errors=True)  # a training is never overwritten
-    plan, begun = steps(args.folder, args.robot), time.monotonic()
+def run(config: Config) -> str:
+    """Run all steps, each as the command that is printed; return where to look.
+
+    Raises:
+        InputError: a step failed; what it said is printed. Or the folder holds other files than an earlier demo's.
+    """
+    earlier = config.folder / "zoo" / "truth.json", config.folder / "scan" / "truth"
+    if config.folder.is_dir() and any(config.folder.iterdir()) and not all(path.exists() for path in earlier):
+        raise InputError(f"folder {str(config.folder)!r} holds other files than those of a demo; choose another")
+    # Steps and what they print go to the terminal as they come; stdout of a command holds its summary alone.
+    console = Console(stderr=True, width=None if sys.stderr.isatty() else WIDTH)
+    shutil.rmtree(config.folder / "ppo", ignore_errors=True)  # a training is never overwritten
+    plan, begun = steps(str(config.folder), config.robot), time.monotonic()
     for i, step in enumerate(plan):
-        _run(step, plan[i:], plan[:i], time.monotonic() - begun)
+        perform(step, plan[i:], plan[:i], time.monotonic() - begun, console)
     minutes, seconds = divmod(round(time.monotonic() - begun), 60)
-    print(
-        f"\nDone in {minutes} min {seconds} s. Open in a browser: {args.folder}/room.html, in which every joint opens once,"
-    )
-    print(f"and {args.folder}/planner.html, how often the planner opened the drawer. A slider for every joint:")
-    print(f"s2a view path={args.folder}/room.usd page=true")
+    return f"""\
+Done in {minutes} min {seconds} s. Open in a browser: {config.folder}/room.html, in which every joint opens once,
+and {config.folder}/planner.html, how often the planner opened the drawer. A slider for every joint:
+s2a view path={config.folder}/room.usd page=true"""
 
 
-def _run(step: Step, todo: list[Step], done: list[Step], elapsed: float) -> None:
-    """Run one step with the time that is left; print its command, and then its output."""
-    console = Console()
+def perform(step: Step, todo: list[Step], done: list[Step], elapsed: float, console: Console) -> None:
+    """Run one step; print its command, the time that is left (see `left`), and then its output.
+
+    Raises:
+        InputError: it failed.
+    """
     number = f"[{len(done) + 1}/{len(done) + len(todo)}]"
-    console.print(f"\n{number} {step.title}: {_told(left(todo, done, elapsed, 0.0))}", markup=False, highlight=False)
+    console.print(f"\n{number} {step.title}: {_remaining(left(todo, done, elapsed, 0.0))}", markup=False, highlight=False)
     console.print(f"$ {step.command}", style="dim", markup=False, highlight=False, soft_wrap=True)
-    program, *arguments = shlex.split(step.command)
-    python = [sys.executable] if program == "python" else [sys.executable, "-m", program]
+    command = [sys.executable, "-m", *shlex.split(step.command)]
     columns = TextColumn("{task.description}", markup=False), BarColumn()
     begun = time.monotonic()
     show = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
     with tempfile.TemporaryFile("w+") as output, show as bar:
         task = bar.add_task("", total=sum(each.seconds for each in (*done, *todo)))
-        process = subprocess.Popen([*python, *arguments], stdout=output, stderr=subprocess.STDOUT)
+        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
         while process.poll() is None:
             running = time.monotonic() - begun
             finished = sum(each.seconds for each in done) + min(running, step.seconds)
-            bar.update(task, description=_told(left(todo, done, elapsed, running)), completed=finished)
+            bar.update(task, description=_remaining(left(todo, done, elapsed, running)), completed=finished)
             time.sleep(TICK)
         output.seek(0)
-        said = output.read()
-    console.print(said.rstrip(), markup=False, highlight=False, soft_wrap=True)
+        text = output.read()
+    console.print(text.rstrip(), markup=False, highlight=False, soft_wrap=True)
     if process.returncode:
-        sys.exit(f"step {number} ended with exit code {process.returncode}")
+        raise InputError(f"step {number}, {shlex.join(command[2:])}, ended with exit code {process.returncode}; see above")
 
 
-def _told(seconds: float) -> str:
+def _remaining(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     return f"about {minutes} min {rest} s left" if minutes else f"about {rest} s left"
-
-
-if __name__ == "__main__":
-    os.environ.setdefault("COLUMNS", "120")
-    main()

@@ -63,7 +63,9 @@ def _devices() -> str:
         return "devices: not known without the extra sim"
     warp = importlib.import_module("warp")  # of an extra
     warp.config.quiet = True
-    names = [f"{device.alias} {device.name}, {device.total_memory / 2**30:.0f} GiB" for device in warp.get_cuda_devices()]
+    names = [
+        f"{device.alias} {device.name}, {device.total_memory / 2**30:.0f} GiB" for device in warp.get_cuda_devices()
+    ]
     if find_spec("torch") and names and not importlib.import_module("torch").cuda.is_available():
         names.append("which the installed torch cannot use: trainings need a torch that is built for CUDA")
     return "devices: " + ("; ".join(names) or "the processor alone; no CUDA device that Warp could use")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shlex
 import io
+import shlex
 from pathlib import Path
 
 import pytest

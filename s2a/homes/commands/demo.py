@@ -128,7 +128,9 @@ def perform(step: Step, todo: list[Step], done: list[Step], elapsed: float, cons
         InputError: it failed.
     """
     number = f"[{len(done) + 1}/{len(done) + len(todo)}]"
-    console.print(f"\n{number} {step.title}: {_remaining(left(todo, done, elapsed, 0.0))}", markup=False, highlight=False)
+    console.print(
+        f"\n{number} {step.title}: {_remaining(left(todo, done, elapsed, 0.0))}", markup=False, highlight=False
+    )
     console.print(f"$ {step.command}", style="dim", markup=False, highlight=False, soft_wrap=True)
     command = [sys.executable, "-m", *shlex.split(step.command)]
     columns = TextColumn("{task.description}", markup=False), BarColumn()
@@ -146,7 +148,9 @@ def perform(step: Step, todo: list[Step], done: list[Step], elapsed: float, cons
         text = output.read()
     console.print(text.rstrip(), markup=False, highlight=False, soft_wrap=True)
     if process.returncode:
-        raise InputError(f"step {number}, {shlex.join(command[2:])}, ended with exit code {process.returncode}; see above")
+        raise InputError(
+            f"step {number}, {shlex.join(command[2:])}, ended with exit code {process.returncode}; see above"
+        )
 
 
 def _remaining(seconds: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -11,7 +12,7 @@ from scipy import ndimage
 from s2a.annotate import handle as handles
 from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.propose.furniture import READY, LabelledFaces
-from s2a.annotate.propose.layers import Layer, Points, ProposeConfig, floor_of, layers, spread
+from s2a.annotate.propose.layers import Layer, Points, ProposeConfig, floor_of, layer_of, layers, spread
 from s2a.annotate.propose.network import COARSE, MOTIONS, FrontNetwork, Motion, image, load
 from s2a.annotate.region import FrontRegion, GrowConfig, hinge_at, slide
 from s2a.annotate.surface import SplitSurface
@@ -60,6 +61,16 @@ THIN = 1e-3
 BESIDE = 0.2
 """A handle this far from the middle of a door, as a fraction of its width, tells its hinge more surely than the door does."""
 
+SCANNED = 0.5
+"""Fraction of a column or a row of cells at a front's side that holds surface of its plane, at least."""
+NARROW, SINGLE, TALL_DOOR = 0.2, 0.65, 1.2
+"""[m] Narrowest leaf of a pair, widest single door of a cabinet and how high cabinets' doors are at most.
+
+Cabinets come in modules of 0.3 to 1.0 m, of which those up to 0.6 m have one door (EN 1116: modules of 0.1 m).
+"""
+STILE = 0.0015
+"""[m] The stiles of two framed doors stand out over their panels by more, also where a mesh has smeared them."""
+
 
 @dataclass(frozen=True, eq=False)
 class SeenFront:
@@ -101,9 +112,68 @@ def fronts(layer: Layer, floor: float, network: FrontNetwork, config: ProposeCon
         if score < config.min_score or ((box[2:] - box[:2]) * config.cell < config.min_front).any():
             continue
         left &= ~within  # those that are wrong about their rectangle
-        rectangle = CellBox(*map(float, box))
-        grip = _handle(handle, rectangle)
-        yield SeenFront(rectangle, _hinged(opens, rectangle, grip), score, grip)
+        rectangle = scanned(layer, CellBox(*map(float, box)))
+        if (np.array([rectangle.width, rectangle.height]) * config.cell < config.min_front).any():
+            continue
+        for leaf, motion_of_leaf in leaves(layer, rectangle, opens):
+            grip = _handle(handle, leaf)
+            yield SeenFront(leaf, motion_of_leaf or _hinged(opens, leaf, grip), score, grip)
+
+
+def scanned(layer: Layer, box: CellBox) -> CellBox:
+    """Return a rectangle without the columns and rows at its sides that hold hardly any surface of the plane."""
+    rows, columns = (slice(max(cells.start, 0), cells.stop) for cells in box.cells)
+    seen = ~np.isnan(layer.height[rows, columns])
+    if not seen.size:
+        return box
+    sides = [box.left, box.bottom, box.right, box.top]
+    for axis, (low, high), start in ((0, (0, 2), columns.start), (1, (1, 3), rows.start)):
+        filled = np.flatnonzero(seen.mean(axis=axis) >= SCANNED)
+        if len(filled):
+            sides[low] = max(sides[low], float(start + filled[0]))
+            sides[high] = min(sides[high], float(start + filled[-1] + 1))
+    return CellBox(*sides)
+
+
+def leaves(layer: Layer, box: CellBox, motion: Motion) -> list[tuple[CellBox, Motion | None]]:
+    """Return the doors of a rectangle: two leaves that open away from their seam, each with its motion, or one without."""
+    whole: list[tuple[CellBox, Motion | None]] = [(box, None)]
+    wide, high = box.width * layer.cell, box.height * layer.cell
+    if motion[0] != "hinge" or wide < 2 * NARROW:
+        return whole
+    upright = motion[1] in ("left", "right")
+    if not (upright and wide > SINGLE and high < TALL_DOOR) and _stile(layer, box) < STILE:
+        return whole
+    middle = box.middle[0]
+    return [
+        (replace(box, right=middle), ("hinge", "left")),
+        (replace(box, left=middle), ("hinge", "right")),
+    ]
+
+
+def _stile(layer: Layer, box: CellBox) -> float:
+    """Return how far the middle of a rectangle stands out over the panels at both sides of it [m], as the frames of two do.
+
+    A single panel, flat or framed, has 0; a bulge, whose sides are lower than its panels, has no more than they.
+    """
+    rows, columns = (slice(max(cells.start, 0), cells.stop) for cells in box.cells)
+    height = layer.height[rows, columns]
+    height = height[len(height) // 8 : len(height) - len(height) // 8]
+    with np.errstate(invalid="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of columns without any surface
+        profile = np.nanmedian(height, axis=0)
+    place = (np.arange(len(profile)) + 0.5) / len(profile)
+    panels = [_mean(profile[(place > low) & (place < high)]) for low, high in ((0.15, 0.35), (0.65, 0.85))]
+    sides = [_mean(profile[place < 0.08]), _mean(profile[place > 0.92])]
+    middle = _mean(profile[np.abs(place - 0.5) < 0.06])
+    ridge = middle - max(panels)
+    frame = (sum(sides) - sum(panels)) / 2
+    return float(min(ridge, frame + ridge / 2)) if np.isfinite([ridge, frame]).all() else 0.0
+
+
+def _mean(values: np.ndarray) -> float:
+    seen = values[~np.isnan(values)]
+    return float(seen.mean()) if len(seen) else np.nan
 
 
 def _hinged(motion: Motion, box: CellBox, handle: CellBox | None) -> Motion:
@@ -218,6 +288,7 @@ def propose(
         labels: of the scan's objects, which forbid fronts on what has none, and expect them on furniture that opens.
     """
     network = network or load()
+    config = replace(config, layer=layer_of(surface, config.layer))
     floor, points = floor_of(surface), spread(surface, config.density)
     ready = config if labels is None else replace(config, min_score=READY * config.min_score)
     candidates = [

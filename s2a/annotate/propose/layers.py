@@ -19,7 +19,7 @@ class ProposeConfig:
     Attributes:
         cell: width of the cells of a plane's image [m]. The network was trained with this.
         density: points that stand for a surface, per m^2. Four points in a cell.
-        layer: points this near to a plane belong to it [m]. A phone's mesh waves by 5 mm.
+        layer: points this near to a plane belong to it [m], more on meshes coarser than FINE. A phone's mesh waves by 5 mm.
         min_layer: smallest area of a plane [m^2].
         min_front: smallest width and height of a front [m]. 1 % of virtual fronts are smaller (docs/virtual_homes.md).
         min_score: probability from which on a front is proposed.
@@ -33,6 +33,8 @@ class ProposeConfig:
     min_score: Fraction
 
 
+FINE = 0.03
+"""[m] Median edge of the coarsest meshes for which `layer` holds, those of phones; longer ones smear planes by as much more."""
 UPRIGHT = 0.35
 """Largest vertical component of an upright face's normal: scans are rough."""
 BINS = 360
@@ -116,6 +118,13 @@ def spread(surface: SplitSurface, density: float, seed: int = 0) -> Points:
     corners = surface.faces[faces]
     place = np.einsum("pk,pkd->pd", weights, surface.vertices[corners])
     return Points(place, surface.normals[faces], np.einsum("pk,pkd->pd", weights, surface.colors[corners]))
+
+
+def layer_of(surface: SplitSurface, layer: float) -> float:
+    """Return how near to a plane points belong to it [m]: farther where the mesh is coarse."""
+    a, b = surface.vertices[surface.faces[:, :2]].swapaxes(0, 1)
+    edge = float(np.median(np.linalg.norm(b - a, axis=1))) if len(surface.faces) else 0.0
+    return layer + max(edge - FINE, 0.0)
 
 
 def floor_of(surface: SplitSurface) -> float:

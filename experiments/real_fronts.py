@@ -71,14 +71,24 @@ def proposed(folder: Path) -> list[Front]:
     return fronts
 
 
+def matches(scores: np.ndarray, least: float) -> list[tuple[int, int]]:
+    """Return pairs of a truth and a front, best overlaps first, one to one, of `least` or more; scores [truth front]."""
+    pairs, left = [], scores.copy()
+    while left.size and left.max() >= least:
+        i, j = (int(k) for k in np.unravel_index(np.argmax(left), left.shape))
+        pairs.append((i, j))
+        left[i], left[:, j] = -1.0, -1.0
+    return pairs
+
+
 def compared(truth: list[Front], fronts: list[Front]) -> dict:
     """Return how fronts match a truth."""
     scores = np.array([[one.overlap(other) for other in fronts] for one in truth]).reshape(len(truth), len(fronts))
-    pairs, left = [], scores.copy()
-    while left.size and left.max() >= MATCH:
-        i, j = np.unravel_index(np.argmax(left), left.shape)
-        pairs.append((truth[i], fronts[j], float(scores[i, j])))
-        left[i], left[:, j] = -1.0, -1.0
+    pairs = [(truth[i], fronts[j], float(scores[i, j])) for i, j in matches(scores, MATCH)]
+
+    def f1(count: int) -> float:
+        return round(2 * count / max(len(truth) + len(fronts), 1), 3)
+
     hinged = [(a, b) for a, b, _ in pairs if a.hinge and b.hinge]
     handles = [
         float(np.linalg.norm(a.handle - b.handle)) for a, b, _ in pairs if a.handle is not None and b.handle is not None
@@ -87,7 +97,10 @@ def compared(truth: list[Front], fronts: list[Front]) -> dict:
         "truth": len(truth),
         "fronts": len(fronts),
         "matched": len(pairs),
-        "f1": round(2 * len(pairs) / max(len(truth) + len(fronts), 1), 3),
+        "precision": round(len(pairs) / max(len(fronts), 1), 3),
+        "recall": round(len(pairs) / max(len(truth), 1), 3),
+        "f1": f1(len(pairs)),
+        "f1_at_0.3_and_0.7": [f1(len(matches(scores, least))) for least in (0.3, 0.7)],
         "median_iou": round(float(np.median([score for *_, score in pairs])), 3) if pairs else None,
         "kind_right": [sum(a.kind == b.kind for a, b, _ in pairs), len(pairs)],
         "hinge_right": [sum(a.hinge == b.hinge for a, b in hinged), len(hinged)],

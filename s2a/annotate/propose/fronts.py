@@ -60,13 +60,12 @@ THIN = 1e-3
 """[m] A cell is farther from each side of its front: a rectangle has an area."""
 BESIDE = 0.2
 """A handle this far from the middle of a door, as a fraction of its width, tells its hinge more surely than the door does."""
-
 SCANNED = 0.5
 """Fraction of a column or a row of cells at a front's side that holds surface of its plane, at least."""
 NARROW, SINGLE, TALL_DOOR = 0.2, 0.65, 1.2
 """[m] Narrowest leaf of a pair, widest single door of a cabinet and how high cabinets' doors are at most.
 
-Cabinets come in modules of 0.3 to 1.0 m, of which those up to 0.6 m have one door (EN 1116: modules of 0.1 m).
+Modules of kitchens are 0.3, 0.4, 0.45, 0.5, 0.6, 0.8 and 0.9 m wide; one door is usual up to 0.6 m, two from 0.8 m on.
 """
 STILE = 0.0015
 """[m] The stiles of two framed doors stand out over their panels by more, also where a mesh has smeared them."""

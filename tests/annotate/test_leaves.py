@@ -46,8 +46,8 @@ def test_a_bulge_is_no_seam() -> None:
     assert len(leaves(bulge, CellBox(0, 0, 60, 60), LEFT)) == 1
 
 
-@pytest.mark.parametrize(("width", "height", "count"), [(60, 60, 1), (80, 60, 2), (80, 200, 1)])
-def test_no_single_door_of_a_cabinet_is_wider_than_a_module(width: int, height: int, count: int) -> None:
+@pytest.mark.parametrize(("width", "height", "count"), [(60, 60, 1), (80, 60, 2), (80, 200, 1), (130, 100, 1)])
+def test_flat_doors_are_two_where_their_width_is_a_module_of_two(width: int, height: int, count: int) -> None:
     flat = plane(np.zeros((height, width)))
     assert len(leaves(flat, CellBox(0, 0, width, height), LEFT)) == count
     assert len(leaves(flat, CellBox(0, 0, width, height), OUT)) == 1

@@ -62,8 +62,8 @@ BESIDE = 0.2
 """A handle this far from the middle of a door, as a fraction of its width, tells its hinge more surely than the door does."""
 SCANNED = 0.5
 """Fraction of a column or a row of cells at a front's side that holds surface of its plane, at least."""
-NARROW, SINGLE, TALL_DOOR = 0.2, 0.65, 1.2
-"""[m] Narrowest leaf of a pair, widest single door of a cabinet and how high cabinets' doors are at most.
+NARROW, SINGLE, PAIR, TALL_DOOR = 0.2, 0.65, 1.0, 1.2
+"""[m] Narrowest leaf of a pair, widest single door of a cabinet, widest pair without visible frames, and its height at most.
 
 Modules of kitchens are 0.3, 0.4, 0.45, 0.5, 0.6, 0.8 and 0.9 m wide; one door is usual up to 0.6 m, two from 0.8 m on.
 """
@@ -141,7 +141,7 @@ def leaves(layer: Layer, box: CellBox, motion: Motion) -> list[tuple[CellBox, Mo
     if motion[0] != "hinge" or wide < 2 * NARROW:
         return whole
     upright = motion[1] in ("left", "right")
-    if not (upright and wide > SINGLE and high < TALL_DOOR) and _stile(layer, box) < STILE:
+    if not (upright and SINGLE < wide < PAIR and high < TALL_DOOR) and _stile(layer, box) < STILE:
         return whole
     middle = box.middle[0]
     return [

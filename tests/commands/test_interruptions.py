@@ -257,3 +257,17 @@ def test_a_cache_that_cannot_be_written_is_named_with_the_remedy(
     monkeypatch.setattr(view, "run", fail)
     assert cli.main(["view", "path=room.usd"]) == 2
     assert "set WARP_CACHE_PATH to a folder that can be written" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("streams", "code", "words"),
+    [
+        ("> /dev/full", 2, "s2a: stdout cannot be written: No space left on device; choose another file for it\n"),
+        (">&-", 0, ""),
+        ("| true", 0, ""),
+    ],
+)
+def test_a_stream_that_takes_nothing_is_no_traceback(streams: str, code: int, words: str) -> None:
+    script = f"set -o pipefail; {sys.executable} -m s2a --version {streams}"
+    ran = subprocess.run(["bash", "-c", script], capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (code, words)

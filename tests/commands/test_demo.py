@@ -32,7 +32,7 @@ def test_every_step_is_understood_and_reads_what_one_before_it_wrote(robot: str)
 
 
 def test_the_time_left_is_stretched_by_how_slow_the_steps_before_were() -> None:
-    a, b, c = (demo.Step(name, seconds, name) for name, seconds in (("a", 10.0), ("b", 20.0), ("c", 5.0)))
+    a, b, c = (demo.DemoStep(name, seconds, name) for name, seconds in (("a", 10.0), ("b", 20.0), ("c", 5.0)))
     assert demo.left([a, b, c], [], 0.0, 0.0) == 35.0
     assert demo.left([b, c], [a], 30.0, 0.0) == 75.0
     assert demo.left([b, c], [a], 30.0, 15.0) == 60.0
@@ -40,7 +40,7 @@ def test_the_time_left_is_stretched_by_how_slow_the_steps_before_were() -> None:
 
 
 def test_a_step_that_fails_ends_the_demo_with_what_it_said() -> None:
-    step, output = demo.Step("x", 1.0, "s2a view path=nowhere.usd"), io.StringIO()
+    step, output = demo.DemoStep("x", 1.0, "s2a view path=nowhere.usd"), io.StringIO()
     with pytest.raises(InputError, match=r"step \[1/1\], s2a view path=nowhere.usd, ended with exit code 2"):
         demo.perform(step, [step], [], 0.0, Console(file=output, width=120))
     assert "nowhere.usd: does not exist" in output.getvalue()

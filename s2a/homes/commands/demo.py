@@ -37,7 +37,7 @@ class Config:
 
 
 @dataclass(frozen=True)
-class Step:
+class DemoStep:
     """One command of the demo.
 
     Attributes:
@@ -51,40 +51,40 @@ class Step:
     command: str
 
 
-def steps(demo: str, robot: str) -> list[Step]:
+def steps(demo: str, robot: str) -> list[DemoStep]:
     """Return the steps; the pretrained policy is one of a Panda."""
     demo = shlex.quote(demo)
     room, arm = f"stage={demo}/room.usd {PART}", f" robot={robot}" * (robot != "panda")
     stapler = f"object={demo}/zoo/objects/stapler.usda label=stapler"
     hint = 'prompt="put it next to the keyboard" llm=rules'
     plan = [
-        Step("furnish an office and scan it", 20, f"s2a sample room=office seed=101 detail=demo out={demo}/scan"),
-        Step("write two flavours of USD", 5, f"s2a export scan={demo}/scan out={demo}"),
-        Step("write a hundred objects", 4, f"s2a zoo out={demo}/zoo"),
-        Step(
+        DemoStep("furnish an office and scan it", 20, f"s2a sample room=office seed=101 detail=demo out={demo}/scan"),
+        DemoStep("write two flavours of USD", 5, f"s2a export scan={demo}/scan out={demo}"),
+        DemoStep("write a hundred objects", 4, f"s2a zoo out={demo}/zoo"),
+        DemoStep(
             "insert a stapler",
             15,
             f"s2a insert stage={demo}/geometric.usd {stapler} {hint} out={demo}/insert image={demo}/insert.png",
         ),
-        Step(
+        DemoStep(
             "prepare the room for simulation",
             25,
             f"s2a prepare stage={demo}/geometric.usd targets=all{arm} out={demo}/room.usd",
         ),
-        Step("the planner opens a drawer", 30, f"s2a evaluate {room}{arm} out={demo}/planner.json images={demo}"),
-        Step(
+        DemoStep("the planner opens a drawer", 30, f"s2a evaluate {room}{arm} out={demo}/planner.json images={demo}"),
+        DemoStep(
             "so does a policy that never saw it",
             45,
             f"s2a evaluate {room} policy=pretrained out={demo}/pretrained.json",
         ),
-        Step("begin a training", 25, f"s2a train {room}{arm} num_envs=16 ppo.iterations=3 out={demo}/ppo"),
-        Step("write the room as a page", 6, f"s2a view path={demo}/room.usd html={demo}/room.html"),
-        Step("write the result as a page", 2, f"s2a report path={demo}/planner.json out={demo}/planner.html"),
+        DemoStep("begin a training", 25, f"s2a train {room}{arm} num_envs=16 ppo.iterations=3 out={demo}/ppo"),
+        DemoStep("write the room as a page", 6, f"s2a view path={demo}/room.usd html={demo}/room.html"),
+        DemoStep("write the result as a page", 2, f"s2a report path={demo}/planner.json out={demo}/planner.html"),
     ]
     return [step for step in plan if robot == "panda" or "pretrained" not in step.command]
 
 
-def left(todo: list[Step], done: list[Step], elapsed: float, running: float) -> float:
+def left(todo: list[DemoStep], done: list[DemoStep], elapsed: float, running: float) -> float:
     """Return the estimated time that is left [s].
 
     Args:
@@ -121,7 +121,7 @@ and {config.folder}/planner.html, how often the planner opened the drawer. A sli
 s2a view path={config.folder}/room.usd page=true"""
 
 
-def perform(step: Step, todo: list[Step], done: list[Step], elapsed: float, console: Console) -> None:
+def perform(step: DemoStep, todo: list[DemoStep], done: list[DemoStep], elapsed: float, console: Console) -> None:
     """Run one step; print its command, the time that is left (see `left`), and then its output.
 
     Raises:

@@ -71,10 +71,10 @@ def proposed(folder: Path) -> list[Front]:
     return fronts
 
 
-def matches(scores: np.ndarray, least: float) -> list[tuple[int, int]]:
-    """Return pairs of a truth and a front, best overlaps first, one to one, of `least` or more; scores [truth front]."""
+def matches(scores: np.ndarray, min_iou: float) -> list[tuple[int, int]]:
+    """Return pairs of a truth and a front, best overlaps first, one to one, of `min_iou` or more; scores [truth front]."""
     pairs, left = [], scores.copy()
-    while left.size and left.max() >= least:
+    while left.size and left.max() >= min_iou:
         i, j = (int(k) for k in np.unravel_index(np.argmax(left), left.shape))
         pairs.append((i, j))
         left[i], left[:, j] = -1.0, -1.0
@@ -100,7 +100,7 @@ def compared(truth: list[Front], fronts: list[Front]) -> dict:
         "precision": round(len(pairs) / max(len(fronts), 1), 3),
         "recall": round(len(pairs) / max(len(truth), 1), 3),
         "f1": f1(len(pairs)),
-        "f1_at_0.3_and_0.7": [f1(len(matches(scores, least))) for least in (0.3, 0.7)],
+        "f1_at_0.3_and_0.7": [f1(len(matches(scores, min_iou))) for min_iou in (0.3, 0.7)],
         "median_iou": round(float(np.median([score for *_, score in pairs])), 3) if pairs else None,
         "kind_right": [sum(a.kind == b.kind for a, b, _ in pairs), len(pairs)],
         "hinge_right": [sum(a.hinge == b.hinge for a, b in hinged), len(hinged)],

@@ -66,11 +66,11 @@ def certify(
     room = STRUCTURE.ask(held, config.shapes, "room")
     evidence = _evidence(path)
     foundation_checks = foundation(path, config.foundation)
-    seconds, found = time.perf_counter() - start, []
+    seconds, reports = time.perf_counter() - start, []
     for one in [held.part] if part else contents.parts(held) or [""]:
         begun = time.perf_counter()
         checks, graspable = _part(path, contents.about(held, one), room, config, robot, evidence)
-        found.append(
+        reports.append(
             ValidationReport(
                 stage=str(path),
                 sha256=content_hash(path),
@@ -82,7 +82,7 @@ def certify(
                 provenance=provenance("cpu"),
             )
         )
-    return found
+    return reports
 
 
 def _part(
@@ -103,8 +103,8 @@ def _part(
     if isinstance(evidence, Check):
         return [*checks, evidence], None
     seen = evidence.checks(held.part, config.evidence, robot)
-    found, graspable = _physics(path, held, config, robot, seen)
-    return [*checks, *seen, *found], graspable
+    physics, graspable = _physics(path, held, config, robot, seen)
+    return [*checks, *seen, *physics], graspable
 
 
 def _evidence(path: Path) -> Evidence | Check:
@@ -134,13 +134,13 @@ def _physics(
 def _fingers(target: str, room: Gap, attempt: GripTest, config: CertifyConfig, seen: list[Check]) -> list[Check]:
     """Return the checks of the finger gap and of the grasp; where the scan says why no gripper could hold it, neither fails."""
     fits, region = room.graspable(config.gap), f"/scene/{target}/region"
-    said = f"{room.free_fraction:.0%} of the finger gap is free as scanned; the region is {1000 * room.thickness:.0f} mm thick"
+    text = f"{room.free_fraction:.0%} of the finger gap is free as scanned; the region is {1000 * room.thickness:.0f} mm thick"
     if math.isnan(room.fill_ratio):
-        filled = Check("finger_gap", "info", prim=region, message=said)
+        filled = Check("finger_gap", "info", prim=region, message=text)
     else:
         remedy = "prepare with colliders that keep the gap free (prepare=handle)"
         filled = at_most(
-            "finger_gap", room.fill_ratio, config.gap.max_fill_ratio, "", prim=region, message=said, remedy=remedy
+            "finger_gap", room.fill_ratio, config.gap.max_fill_ratio, "", prim=region, message=text, remedy=remedy
         )
         filled = filled if fits else replace(filled, status="info", remedy="")
     message = attempt.message if attempt.holds else f"not graspable by a parallel gripper: {attempt.message}"

@@ -79,10 +79,10 @@ def read(path: Path, part: str | None = None) -> Contents:
         joints=tuple(prim for prim in prims if prim.IsA(UsdPhysics.Joint)),
         meshes=tuple(prim for prim in prims if prim.IsA(UsdGeom.PointBased)),
     )
-    known = parts(held)
-    if part is not None and part not in known:
-        raise InputError(f"part {part!r} is no articulated part of {path}; possible: {', '.join(known) or 'none'}")
-    return about(held, part or next(iter(known), ""))
+    names = parts(held)
+    if part is not None and part not in names:
+        raise InputError(f"part {part!r} is no articulated part of {path}; possible: {', '.join(names) or 'none'}")
+    return about(held, part or next(iter(names), ""))
 
 
 def parts(held: Contents) -> tuple[str, ...]:

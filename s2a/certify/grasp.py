@@ -69,14 +69,14 @@ class Gap:
 
     def reasons(self, config: GapConfig) -> list[str]:
         """Return in words why no parallel gripper could hold the region, as scanned; empty where one could."""
-        found = [self.blocked] if self.blocked else []
+        texts = [self.blocked] if self.blocked else []
         if not self.thickness < self.max_opening:
-            found.append(
+            texts.append(
                 f"the region is {1000 * self.thickness:.0f} mm thick, the gripper opens {1000 * self.max_opening:.0f}"
             )
         elif not self.free_fraction >= config.min_free_fraction:
-            found.append(f"the scan leaves {self.free_fraction:.0%} of the fingers' space beside the region free")
-        return found
+            texts.append(f"the scan leaves {self.free_fraction:.0%} of the fingers' space beside the region free")
+        return texts
 
     @property
     def blocked(self) -> str:
@@ -115,8 +115,8 @@ def gap(path: Path, held: Contents, gripper: GripperSpec) -> Gap:
     free = [_reached(points, surface, origin, frame) for points in sides]
     open_points = np.concatenate([points[mask] for points, mask in zip(sides, free, strict=True)])
     filled = fraction_inside(colliders, origin + open_points @ frame.T) if len(open_points) else float("nan")
-    found = max((_body_penetration(mesh, origin, frame, gripper), name) for name, mesh in scene.surfaces.items())
-    return Gap(float(min(mask.mean() for mask in free)), filled, thick, gripper.max_opening, found)
+    penetration = max((_body_penetration(mesh, origin, frame, gripper), name) for name, mesh in scene.surfaces.items())
+    return Gap(float(min(mask.mean() for mask in free)), filled, thick, gripper.max_opening, penetration)
 
 
 def _body_penetration(mesh: Mesh, origin: np.ndarray, frame: np.ndarray, gripper: GripperSpec) -> float:
@@ -242,8 +242,8 @@ def _first_approach(
         collisions = [_obstacle(world, at, depth, opening, config) for at in (0.0, q)]
         if not any(collisions):
             return _hold(world, q, depth, opening, config)
-        blocked.append(next(found for found in collisions if found))
-    prim, into = min(blocked, key=lambda found: found[1])
+        blocked.append(next(collision for collision in collisions if collision))
+    prim, into = min(blocked, key=lambda collision: collision[1])
     return GripTest(False, f"the open gripper penetrates {prim} by {1000 * into:.1f} mm on its approach", None, prim)
 
 

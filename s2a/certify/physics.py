@@ -73,8 +73,8 @@ class MujocoWorld:
             free: The room's free objects move too.
             robot: name of the robot whose gripper it is; None: one that the part was prepared for.
         """
-        known = sim_stage.read(path, visuals=False).free if free else ()
-        self.stage, self.dt = read_stage(path, part, robot=robot, also=tuple(known)), config.dt
+        bodies = sim_stage.read(path, visuals=False).free if free else ()
+        self.stage, self.dt = read_stage(path, part, robot=robot, also=tuple(bodies)), config.dt
         self.robot = robots.load(self.stage.robot)
         gripper = self.robot.gripper
         with temporary_folder() as folder, wp.ScopedDevice("cpu"):
@@ -314,8 +314,8 @@ def penetration(world: MujocoWorld, name: str, coordinates: np.ndarray, config: 
     """Measure how deep the moving part's colliders are in the room's, at some coordinates of the joint."""
     stage = world.stage
     moving, room = world.geoms(stage.target), world.obstacles()
-    found = [(*world.deepest(world.data(float(q)), moving, room, 0.001), float(q)) for q in coordinates]
-    depth, a, b, q = max(found)
+    overlaps = [(*world.deepest(world.data(float(q)), moving, room, 0.001), float(q)) for q in coordinates]
+    depth, a, b, q = max(overlaps)
     return at_most(
         name, max(depth, 0.0), config.penetration, "m", prim=world.labels[a] if depth > 0 else f"/scene/{stage.target}",
         message=f"in {world.labels[b]} at {q:.3f}" if depth > 0 else "no collision with the room", remedy=FIX,
@@ -327,8 +327,8 @@ def cabinet_overlap(world: MujocoWorld, config: MotionConfig) -> Check:
     """Report how deep the moving part is in its cabinet: a joint connects the two, so that simulators let them overlap."""
     stage = world.stage
     moving, still = world.geoms(stage.target), world.geoms(world.carrier)
-    found = [world.deepest(world.data(float(q)), moving, still, 0.001) for q in np.linspace(*stage.joint.limits, 9)]
-    depth, a, _ = max(found)
+    overlaps = [world.deepest(world.data(float(q)), moving, still, 0.001) for q in np.linspace(*stage.joint.limits, 9)]
+    depth, a, _ = max(overlaps)
     path = world.labels[a] if depth > 0 else f"/scene/{stage.target}"
     return Check("cabinet_overlap", "info", max(depth, 0.0), None, "m", path, f"deepest in {world.carrier}; filtered")
 
@@ -392,13 +392,13 @@ def _force(world: MujocoWorld, config: MotionConfig) -> float:
 
 def _touched(world: MujocoWorld, data: mujoco.MjData) -> str:
     """Return the path of the collider that presses hardest on the target; empty if none does."""
-    own, force, found = set(world.geoms(world.stage.target)), np.zeros(6), [(0.0, "")]
+    own, force, contacts = set(world.geoms(world.stage.target)), np.zeros(6), [(0.0, "")]
     for i, contact in enumerate(data.contact):
         pair = (int(contact.geom1), int(contact.geom2))
         if len(own & set(pair)) == 1:
             mujoco.mj_contactForce(world.mj, data, i, force)
-            found.append((float(force[0]), world.labels[next(geom for geom in pair if geom not in own)]))
-    return max(found)[1]
+            contacts.append((float(force[0]), world.labels[next(geom for geom in pair if geom not in own)]))
+    return max(contacts)[1]
 
 
 def displacements(start: np.ndarray, now: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -189,11 +189,11 @@ def _behind(contents: Contents, path: str) -> np.ndarray:
 
 def _bounds(contents: Contents, body: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners of the box around a body's colliders [m], scene coordinates; NaN if it has none."""
-    found = [points(prim) for prim in contents.colliders_of(body)]
-    found = [each for each in found if len(each)]
-    if not found:
+    clouds = [points(prim) for prim in contents.colliders_of(body)]
+    clouds = [each for each in clouds if len(each)]
+    if not clouds:
         return np.full(3, np.nan), np.full(3, np.nan)
-    whole = np.concatenate(found)
+    whole = np.concatenate(clouds)
     return whole.min(axis=0), whole.max(axis=0)
 
 
@@ -222,8 +222,8 @@ def foundation(path: Path, config: FoundationConfig) -> list[Check]:
         return [Check("simready", "skipped", message=text, remedy=INSTALL)]
     with _silent():
         validate = _validator()
-        asked = validate.AssetValidationConfig(str(path), config.profile, config.version)
-        result = validate.validate_asset(asked)
+        request = validate.AssetValidationConfig(str(path), config.profile, config.version)
+        result = validate.validate_asset(request)
     if result is None:
         text = f"no profile {config.profile} {config.version} in the installed simready-foundation-tier-core"
         return [Check("simready", "skipped", message=text, remedy=INSTALL)]

@@ -165,8 +165,8 @@ def obstacle(place: np.ndarray, base: Base, surface: RayMesh, config: BaseCheckC
     level = np.linspace(0.1, config.height, 6)
     ways = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
     starts = np.repeat(place + level[:, None] * [0.0, 0.0, 1.0], len(ways), axis=0)
-    found = float(first_hits(surface, starts, np.tile(ways, (len(level), 1))).min())
-    return found if found < base.radius else np.inf
+    distance = float(first_hits(surface, starts, np.tile(ways, (len(level), 1))).min())
+    return distance if distance < base.radius else np.inf
 
 
 POINTS, ROOM_POINTS = 4000, 100_000
@@ -216,7 +216,7 @@ def collider_fidelity(room: SimRoom, part: str, config: FidelityConfig) -> list[
         part: id of the articulated part.
         config: bounds.
     """
-    found = []
+    checks = []
     for body in (part, *room.carriers(part)):
         surface = scanned(room, body)
         hulls = [collider.mesh for collider in room.bodies[body].colliders]
@@ -224,16 +224,16 @@ def collider_fidelity(room: SimRoom, part: str, config: FidelityConfig) -> list[
         if surface.face_areas.sum() <= 1e-4:
             if body == part:
                 message = "nothing of it was scanned, and so nothing vouches for its joint and colliders"
-                found.append(Check("cover_part", "fail", prim=path, message=message, remedy=PREPARE_AGAIN))
+                checks.append(Check("cover_part", "fail", prim=path, message=message, remedy=PREPARE_AGAIN))
             continue  # an anchor, which nobody can see
         bound = config.max_uncovered if body == part else config.max_uncovered_room
-        found.append(_cover(f"cover_{'part' if body == part else 'cabinet'}", path, surface, hulls, bound, config))
+        checks.append(_cover(f"cover_{'part' if body == part else 'cabinet'}", path, surface, hulls, bound, config))
         if body == part:  # what carries it has walls that nobody sees
-            found.append(_excess(path, room.bodies[body].visual, hulls, config))
-            found.append(_shifted("collider_shift", path, shift(surface, hulls), config))
+            checks.append(_excess(path, room.bodies[body].visual, hulls, config))
+            checks.append(_shifted("collider_shift", path, shift(surface, hulls), config))
             moved = shift(room.articulations[part].grasp.region, hulls, SEEN_HANDLE)
-            found.append(_shifted("handle_shift", f"{path}/region", moved, config))
-    return [*found, _room(room, part, config)]
+            checks.append(_shifted("handle_shift", f"{path}/region", moved, config))
+    return [*checks, _room(room, part, config)]
 
 
 def uncovered(points: np.ndarray, hulls: Sequence[Mesh], cover: float) -> float:
@@ -288,8 +288,8 @@ def shift(surface: Mesh, hulls: Sequence[Mesh], seen: float = SEEN, reach: float
     if len(along) < POINTS // 20:
         return 0.0
     values, axes = np.linalg.eigh(normal.T @ normal / len(normal))
-    told = values > seen
-    moved = (axes[:, told].T @ (normal.T @ along / len(normal))) / values[told]
+    determined = values > seen
+    moved = (axes[:, determined].T @ (normal.T @ along / len(normal))) / values[determined]
     return float(np.linalg.norm(moved))
 
 

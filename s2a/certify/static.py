@@ -128,8 +128,8 @@ def target_joint(contents: Contents, config: ShapeConfig) -> Check:
     if len(moving) != 1:
         problems.append((_path(contents.target), f"{len(moving)} joints move the target, not one"))
     for joint in contents.joints:
-        known = {body.GetPath() for body in contents.bodies}
-        lost = [path for paths in joint_ends(joint) for path in paths if path not in known]
+        bodies = {body.GetPath() for body in contents.bodies}
+        lost = [path for paths in joint_ends(joint) for path in paths if path not in bodies]
         problems += [(str(joint.GetPath()), f"the joint holds {path}, which is no body") for path in lost]
     for joint in moving:
         if joint.GetTypeName() not in KINDS:
@@ -269,8 +269,8 @@ def dent(vertices: np.ndarray, triangles: np.ndarray) -> float:
         hull = ConvexHull(vertices)
     except QhullError:
         return math.inf
-    asked = np.concatenate([vertices, vertices[triangles].mean(axis=1)])
-    depth = -(asked @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+    samples = np.concatenate([vertices, vertices[triangles].mean(axis=1)])
+    depth = -(samples @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
     a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
     volume = abs(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6.0
     return float(max(0.0, depth.max())) if volume > (1.0 - OPEN) * hull.volume else math.inf

@@ -103,7 +103,7 @@ def run(config: Config) -> str:
         for name in env.task.RESULTS.rates:
             columns.setdefault(name, []).append(_by_stage(done[name], sim.stage_of_env))
     rates = {name: torch.cat(values).numpy() for name, values in columns.items()}
-    found = by_part(rates, entries, np.repeat(np.arange(len(entries)), config.episodes), config.seed)
+    tables = by_part(rates, entries, np.repeat(np.arange(len(entries)), config.episodes), config.seed)
     about = {"policy": who, "episodes_a_part": config.episodes, "steps": config.steps, "seed": config.seed}
     about |= {
         "perception": config.perception and str(config.perception),
@@ -112,8 +112,8 @@ def run(config: Config) -> str:
     }
     shown = [name for name in rates if name in env.task.RESULTS.logged[:2]]
     with atomic_write(config.out) as file:
-        file.write_text(json.dumps({**about, **found, **provenance(device)}, indent=1))
-    return "\n".join([f"{config.out}: {who}, {config.episodes} episodes a part", *_table(found["over_parts"], shown)])
+        file.write_text(json.dumps({**about, **tables, **provenance(device)}, indent=1))
+    return "\n".join([f"{config.out}: {who}, {config.episodes} episodes a part", *_table(tables["over_parts"], shown)])
 
 
 def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
@@ -129,15 +129,15 @@ def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
         return RANDOM, plain, lambda env, motions: baseline("random", env, config.seed)
     path = Path(config.policy)
     if path.suffix == ".pt":
-        known, name = read_world(path), f"{path.absolute().parent.name}_{path.stem}"
+        world, name = read_world(path), f"{path.absolute().parent.name}_{path.stem}"
     else:
         file = PolicyFile(path)
-        known, name = file.world, Path(file.name).stem
-    if known is None:
+        world, name = file.world, Path(file.name).stem
+    if world is None:
         raise InputError(
             f"policy {config.policy!r}: no world.json beside it; give a checkpoint in the folder of its run"
         )
-    sim, task = known
+    sim, task = world
     if sim.limits != config.sim.limits:
         raise InputError(
             f"policy {config.policy!r}: trained on an arm with limits {sim.limits}, and the benchmark's has {config.sim.limits}; "
@@ -152,8 +152,8 @@ def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
 def _asked(config: Config, task: MdpConfig) -> MdpConfig:
     """Return a policy's task with what the benchmark asks instead: length of episodes, error of the grasp that is seen."""
     errors = {name: getattr(config, name) for name in ("grasp_error", "grasp_turn")}
-    asked: dict[str, Any] = {name: (value, value) for name, value in errors.items() if value is not None}
-    return replace(task, episode_steps=config.steps, **asked)
+    bounds: dict[str, Any] = {name: (value, value) for name, value in errors.items() if value is not None}
+    return replace(task, episode_steps=config.steps, **bounds)
 
 
 def _batches(stages: Sequence[SimStage], most: int) -> Iterator[tuple[int, list[SimStage]]]:

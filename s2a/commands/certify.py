@@ -65,18 +65,18 @@ def run(config: Config) -> str:
     results = done or _write(config)
     if config.stamp and not done:
         write_stamp(config.stage, {result.target: result.passed for result in results})
-    said = "\n".join(report.summary(result) for result in results)
-    said += f"\n  kept from {config.out / RECORD}" if done else f"\n  {config.out}"
-    said += f"\n{report.table(results)}" if len(results) > 1 else ""
+    text = "\n".join(report.summary(result) for result in results)
+    text += f"\n  kept from {config.out / RECORD}" if done else f"\n  {config.out}"
+    text += f"\n{report.table(results)}" if len(results) > 1 else ""
     if not all(result.passed for result in results):
-        raise CheckFailed(said)
-    return said
+        raise CheckFailed(text)
+    return text
 
 
 def overview(folder: Path) -> str:
     """Return the reports below a folder as a table; empty if there is none."""
-    found = [one for path in sorted(folder.rglob(RECORD)) for one in report.from_json(path.read_text())]
-    return report.table(found) if found else ""
+    results = [one for path in sorted(folder.rglob(RECORD)) for one in report.from_json(path.read_text())]
+    return report.table(results) if results else ""
 
 
 def _write(config: Config) -> list[ValidationReport]:

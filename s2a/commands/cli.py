@@ -180,13 +180,13 @@ def sweep(command: str, overrides: Sequence[str]) -> None:
 def commands() -> dict[str, str]:
     """Return the name of each command and its module's; nothing is imported."""
     package = Path(__file__).parents[1]
-    found = {}
+    modules = {}
     for folder in [package / "commands", *sorted(package.glob("*/commands"))]:
         for file in sorted(folder.glob("*.py")):
             if _HELP.match(file.read_text(encoding="utf-8")):
                 module = ".".join(["s2a", *file.relative_to(package).with_suffix("").parts])
-                found[file.stem.removesuffix("_")] = module  # import_, since no statement could import a keyword
-    return {name: found.pop(name) for name in ORDER if name in found} | found
+                modules[file.stem.removesuffix("_")] = module  # import_, since no statement could import a keyword
+    return {name: modules.pop(name) for name in ORDER if name in modules} | modules
 
 
 def meaning(command: str) -> str:
@@ -240,9 +240,9 @@ def _refuse_replacing_input(settings: Any, written: dict[str, Path]) -> None:
 
 def _sweep_folder(overrides: Sequence[str]) -> tuple[Path, bool]:
     """Return the folder of a sweep, and whether it was made: the requested one, else a new one with Hydra's naming."""
-    asked = [text.partition("=")[2] for text in overrides if text.startswith("hydra.sweep.dir=")]
-    if asked:
-        return Path(asked[-1]), False
+    folders = [text.partition("=")[2] for text in overrides if text.startswith("hydra.sweep.dir=")]
+    if folders:
+        return Path(folders[-1]), False
     first = Path(time.strftime("multirun/%Y-%m-%d/%H-%M-%S"))
     for number in itertools.count(1):  # another sweep may have begun in the same second
         folder = first if number == 1 else first.with_name(f"{first.name}-{number}")

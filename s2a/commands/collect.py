@@ -158,8 +158,8 @@ def _keep(config: Config, session: Session) -> None:
     content |= {"robot_base": stage.base.tolist(), "instruction": session.words}
     about = json.loads(json.dumps(content, default=str))
     if file.is_file():
-        known = json.loads(file.read_text())
-        if other := [key for key in about if key not in ("seed", "instruction") and known.get(key) != about[key]]:
+        record = json.loads(file.read_text())
+        if other := [key for key in about if key not in ("seed", "instruction") and record.get(key) != about[key]]:
             raise InputError(f"{config.out} was collected with another {', '.join(other)}; choose another place")
     file.parent.mkdir(parents=True, exist_ok=True)
     made = provenance(session.collector.device)

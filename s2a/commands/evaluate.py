@@ -67,10 +67,10 @@ def run_soft(config: Config) -> tuple[dict[str, Any], tuple[str, ...], tuple[str
     origin = {"stage": config.stage.name, "policy": "planner", "physics": "soft", "seed": config.seed}
     origin |= {"start": task.start, "place": task.place, **provenance(device)}
     metrics: dict[str, Any] = {}
-    for found in evaluate_soft(
+    for result in evaluate_soft(
         every, config.num_envs, config.planner, config.soft_metrics, config.seed, device, states
     ):
-        metrics = found | origin
+        metrics = result | origin
         with atomic_write(config.out) as out:
             out.write_text(json.dumps(metrics, indent=1))
         if config.states:

@@ -203,27 +203,27 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
     refuse_loss(config.out, PREDICTED, [files.mesh, predictions])
     surface = ply.read(files.mesh)
     box = _box(config, predictions, surface)
-    found = _predictions(predictions, surface, files.name, box)
-    kept = predicted.choose(found, config.min_score, OVERLAP)
-    if not kept:
-        scores = f"; the best score is {max(one.score for one in found):.3g}: give min_score=" if found else ""
+    candidates = _predictions(predictions, surface, files.name, box)
+    chosen = predicted.choose(candidates, config.min_score, OVERLAP)
+    if not chosen:
+        scores = f"; the best score is {max(one.score for one in candidates):.3g}: give min_score=" if candidates else ""
         raise InputError(
-            f"{predictions}: no prediction of {len(found)} has a score of {config.min_score:g} or more{scores}"
+            f"{predictions}: no prediction of {len(candidates)} has a score of {config.min_score:g} or more{scores}"
         )
     with atomic_write(config.out, earlier=PREDICTED) as out:
         out.mkdir()
         for file, name in ((files.mesh, folder.MESH), *_segments(files)):
             shutil.copyfile(file, out / name)
         recording.copy_keyframes(files.mesh.parent, out)
-        predicted.write(out, files.name, kept)
-        written = {"scan": str(scan), "predictions": str(predictions), "found": len(found), "kept": len(kept)}
+        predicted.write(out, files.name, chosen)
+        written = {"scan": str(scan), "predictions": str(predictions), "found": len(candidates), "kept": len(chosen)}
         written |= {} if box is None else {"box": str(box)}
         (out / PREDICTED).write_text(json.dumps(written, indent=1), encoding="utf-8")
-    if assumed := sum(one.assumed_range for one in kept):
-        _log.warning("%s: %d of %d joints come without a range, and get the usual one", predictions, assumed, len(kept))
-    kinds = ", ".join(f"{sum(one.kind == kind for one in kept)} {kind}" for kind in reader.KINDS)
-    handles = sum(len(one.handle) > 0 for one in kept)
-    counts = f"{len(kept)} of {len(found)} predictions ({kinds}), {handles} with a handle"
+    if assumed := sum(one.assumed_range for one in chosen):
+        _log.warning("%s: %d of %d joints come without a range, and get the usual one", predictions, assumed, len(chosen))
+    kinds = ", ".join(f"{sum(one.kind == kind for one in chosen)} {kind}" for kind in reader.KINDS)
+    handles = sum(len(one.handle) > 0 for one in chosen)
+    counts = f"{len(chosen)} of {len(candidates)} predictions ({kinds}), {handles} with a handle"
     if config.object is not None:
         counts += f", in the box of {config.object}, {box}"
     return f"{config.out}: {counts}; next: s2a check scan={config.out}"
@@ -233,10 +233,10 @@ def _predictions(path: Path, surface: ply.ScanMesh, scene: str, box: ObjectBox |
     """Return what a file predicts; a URDF is fitted into its box."""
     if box is None:
         return reader.read(path, surface, scene)
-    found = urdf_object.read(path, surface, box)
-    if not found:
+    candidates = urdf_object.read(path, surface, box)
+    if not candidates:
         raise InputError(f"{path}: no face of the scan lies near a moving link in the box {box}; give the object's box")
-    return found
+    return candidates
 
 
 def _box(config: Config, path: Path, surface: ply.ScanMesh) -> ObjectBox | None:

@@ -53,20 +53,20 @@ def run(config: Config) -> str:
     rooms = sorted({entry.room for entry in entries})
     if len(rooms) < config.folds:
         raise InputError(f"key 'folds' is {config.folds}, and the pool has {len(rooms)} rooms; give at most so many")
-    known = [truth(stage).vector() for stage in pool.stages(config.stage, config.robot.name)]
+    truths = [truth(stage).vector() for stage in pool.stages(config.stage, config.robot.name)]
     fold = [rooms.index(entry.room) % config.folds for entry in entries]
     estimates: list[np.ndarray] = [np.zeros(0)] * len(entries)
     for k in track(range(config.folds), "folds"):
-        network = _trained([i for i, each in enumerate(fold) if each != k], clouds, known, config, device)[0]
+        network = _trained([i for i, each in enumerate(fold) if each != k], clouds, truths, config, device)[0]
         for i in (i for i, each in enumerate(fold) if each == k):
             estimates[i] = network.estimate(clouds[i])
-    _, raw, curve = _trained(range(len(entries)), clouds, known, config, device)
+    _, raw, curve = _trained(range(len(entries)), clouds, truths, config, device)
     config.out.mkdir(parents=True, exist_ok=True)
     save(raw, config.out / "perception.pt")
     named: dict[str, Any] = {key_of(entry): each for entry, each in zip(entries, estimates, strict=True)}
     with atomic_write(config.out / "estimates.npz") as file:
         np.savez_compressed(file, **named)
-    errors = error_table(estimates, known, [entry.kind for entry in entries])
+    errors = error_table(estimates, truths, [entry.kind for entry in entries])
     about = {"parts": len(entries), "folds": config.folds, "network": asdict(config.network), "seed": config.seed}
     with atomic_write(config.out / "errors.json") as file:
         file.write_text(json.dumps({**about, "errors": errors, "curve": curve, **provenance(device)}, indent=1))
@@ -75,10 +75,10 @@ def run(config: Config) -> str:
 
 
 def _trained(
-    chosen: Any, clouds: list[list[PartPoints]], known: list[np.ndarray], config: Config, device: str
+    chosen: Any, clouds: list[list[PartPoints]], truths: list[np.ndarray], config: Config, device: str
 ) -> tuple[Perception, Any, list[float]]:
     """Return a network trained on some of the parts, for use and to be written, and its losses."""
-    frames = [(cloud, known[i]) for i in chosen for cloud in clouds[i]]
+    frames = [(cloud, truths[i]) for i in chosen for cloud in clouds[i]]
     wanted = np.stack([numbers for _, numbers in frames])
     wanted[:, :3] -= np.stack([cloud.center for cloud, _ in frames])
     points = features([cloud for cloud, _ in frames]).to(device)

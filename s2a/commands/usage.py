@@ -64,13 +64,13 @@ def meanings(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
 
 def _chosen(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
     """Read the meaning of the keys of those fields that depend on the values."""
-    found: dict[str, str] = {}
+    meanings: dict[str, str] = {}
     for key in values:
         if chosen := config.note(cls, key, config.Chosen):
-            found |= attributes(chosen.choose(values), f"{key}.")
+            meanings |= attributes(chosen.choose(values), f"{key}.")
         if described := config.note(cls, key, config.Described):
-            found |= {f"{key}.{name}": meaning for name, meaning in described.describe(values).items()}
-    return found
+            meanings |= {f"{key}.{name}": meaning for name, meaning in described.describe(values).items()}
+    return meanings
 
 
 def examples(name: str) -> list[str]:
@@ -91,8 +91,8 @@ def typed(value: Any) -> str:
 def groups(name: str) -> dict[str, list[str]]:
     """Return the files of the config groups that a command composes from sub-folders, by group."""
     text = (config.folder() / f"{name}.yaml").read_text()
-    found = re.findall(r"^\s*- (?:override )?/?([\w/]+)(?:@\w+)?: ", text, flags=re.MULTILINE)
-    return {group: sorted(path.stem for path in (config.folder() / group).glob("*.yaml")) for group in found}
+    names = re.findall(r"^\s*- (?:override )?/?([\w/]+)(?:@\w+)?: ", text, flags=re.MULTILINE)
+    return {group: sorted(path.stem for path in (config.folder() / group).glob("*.yaml")) for group in names}
 
 
 def options(name: str, cls: type) -> list[str]:
@@ -102,11 +102,11 @@ def options(name: str, cls: type) -> list[str]:
         name: the command.
         cls: its settings.
     """
-    found = groups(name)
+    choices = groups(name)
     required = [f"{key}=given" for key, value in config.leaves(config.compose(name)) if value == config.REQUIRED]
-    for group, names in found.items():
-        found[group] = [each for each in names if _loads(name, cls, [*required, f"{group}={each}"])]
-    return ["", *(f"  {group}=...  one of: {', '.join(names)}" for group, names in found.items())] if found else []
+    for group, names in choices.items():
+        choices[group] = [each for each in names if _loads(name, cls, [*required, f"{group}={each}"])]
+    return ["", *(f"  {group}=...  one of: {', '.join(names)}" for group, names in choices.items())] if choices else []
 
 
 def _loads(name: str, cls: type, overrides: Sequence[str]) -> bool:
@@ -131,21 +131,21 @@ def attributes(cls: type, prefix: str = "") -> dict[str, str]:
     What lies in a dictionary of dataclasses is found under the key `*`; the meaning of each key of another dictionary may be an
     annotation of its type, `Annotated[dict[str, float], {key: meaning}]`. Choices that the text does not name are added to it.
     """
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for part in reversed(cls.__mro__[:-1]):
         section = inspect.cleandoc(part.__doc__ or "").partition("Attributes:\n")[2]
         entries = re.findall(r"^    (\w+): (.*(?:\n {8,}.*)*)", section, flags=re.MULTILINE)
-        found |= {f"{prefix}{key}": " ".join(text.split()) for key, text in entries}
+        texts |= {f"{prefix}{key}": " ".join(text.split()) for key, text in entries}
     annotated: dict[str, Any] = get_type_hints(cls, include_extras=True)
     for key, kind in get_type_hints(cls).items():
         for meanings in (note for note in get_args(annotated[key])[1:] if isinstance(note, Mapping)):
-            found |= {f"{prefix}{key}.{name}": meaning for name, meaning in meanings.items()}
-        if text := found.get(f"{prefix}{key}"):
-            found[f"{prefix}{key}"] = _with_choices(text, config.expected(kind))
+            texts |= {f"{prefix}{key}.{name}": meaning for name, meaning in meanings.items()}
+        if text := texts.get(f"{prefix}{key}"):
+            texts[f"{prefix}{key}"] = _with_choices(text, config.expected(kind))
         inner, path = (get_args(kind)[1], f"{key}.*") if get_origin(kind) is dict else (kind, key)
         if isinstance(inner, type) and is_dataclass(inner):
-            found |= attributes(inner, f"{prefix}{path}.")
-    return found
+            texts |= attributes(inner, f"{prefix}{path}.")
+    return texts
 
 
 def _with_choices(text: str, expected: str) -> str:

@@ -91,21 +91,21 @@ def run(config: Config) -> str:
     room = None
     if config.page or config.html:
         room = replace(_page_room(config), notes=noted).with_inserted(inserted)
-    said = []
+    outputs = []
     if config.image:
         draw = _orthophoto if config.photo else _image
-        said.append(draw(visible(config.path), config, config.image))
+        outputs.append(draw(visible(config.path), config, config.image))
     if room and config.html:
-        said.append(_recording(room, config, config.html))
+        outputs.append(_recording(room, config, config.html))
     if config.text or (config.text is None and not config.image and not room):
-        said.append(tree(config.path))
+        outputs.append(tree(config.path))
     if room and config.page:
         _serve(room, config)
-    elif not said:
+    elif not outputs:
         raise InputError(
             "key 'text' is false and nothing else is requested; give image=FILE.png, page=true or text=true"
         )
-    return "\n".join(said)
+    return "\n".join(outputs)
 
 
 def _play(config: Config, stage: Path) -> str:
@@ -117,15 +117,15 @@ def _play(config: Config, stage: Path) -> str:
     from s2a.view import states  # of the extra "sim"
     from s2a.view.page import serve  # viser is of the extra "view"
 
-    found = states.of_states(
+    recording = states.of_states(
         states.read_played(config.path, stage, config.first, config.worlds), sim_stage.read(stage, visuals=False)
     )
     room = thinned(room, config.max_faces) if config.max_faces else room
     view = _page_view(room, config)
     if config.part is None:  # a part is seen in the first world: others are a room away
-        view = serve.whole(view, room, len(found.worlds))
-    with serve.served_worlds(room, found, view, config.camera.fov, config.port) as address:
-        report(f"{config.path}: {len(found.worlds)} worlds, {found.frames} frames, at {address}; Ctrl-C ends it")
+        view = serve.whole(view, room, len(recording.worlds))
+    with serve.served_worlds(room, recording, view, config.camera.fov, config.port) as address:
+        report(f"{config.path}: {len(recording.worlds)} worlds, {recording.frames} frames, at {address}; Ctrl-C ends it")
         with suppress(KeyboardInterrupt):
             threading.Event().wait()
     return ""

@@ -56,11 +56,11 @@ def recall(kind: str, of: Key, make: Callable[[], Mapping[str, np.ndarray]]) -> 
         of: all that the result depends on, beside the code.
         make: makes it.
     """
-    found = find(kind, of)
-    if found is None:
-        found = dict(make())
-        keep(kind, of, found)
-    return found
+    arrays = find(kind, of)
+    if arrays is None:
+        arrays = dict(make())
+        keep(kind, of, arrays)
+    return arrays
 
 
 def find(kind: str, of: Key) -> Arrays | None:

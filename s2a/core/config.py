@@ -237,7 +237,7 @@ N = TypeVar("N", Chosen, Described, Named)
 def note(cls: type, key: str, kind: type[N]) -> N | None:
     """Return the annotation of a field that depends on the values; None for any other."""
     hint = get_type_hints(cls, include_extras=True).get(key)
-    return next((found for found in get_args(hint)[1:] if isinstance(found, kind)), None)
+    return next((annotation for annotation in get_args(hint)[1:] if isinstance(annotation, kind)), None)
 
 
 def _chosen(cls: type, key: str, value: Any, values: Mapping[str, Any]) -> Any:
@@ -246,11 +246,11 @@ def _chosen(cls: type, key: str, value: Any, values: Mapping[str, Any]) -> Any:
         named = note(cls, key, Named) if isinstance(value, str) else None
         return named.read(value) if named else value
     if (described := note(cls, key, Described)) and (
-        unknown := set(value).difference(known := described.describe(values))
+        unknown := set(value).difference(names := described.describe(values))
     ):
-        raise InputError(_unknown(f"{key}.{min(unknown)}", [f"{key}.{name}" for name in known]))
-    found = note(cls, key, Chosen)
-    return load(found.choose(values), value, f"{key}.") if found else value
+        raise InputError(_unknown(f"{key}.{min(unknown)}", [f"{key}.{name}" for name in names]))
+    chooser = note(cls, key, Chosen)
+    return load(chooser.choose(values), value, f"{key}.") if chooser else value
 
 
 def opened(overrides: Sequence[str]) -> list[str]:
@@ -272,7 +272,7 @@ def opened(overrides: Sequence[str]) -> list[str]:
     if bad := [name for name in skills if not name.isidentifier()]:
         raise InputError(f"the task {bad[0]!r} cannot be a skill; give its files a name of letters, digits and _")
     further = [f"+{group}@skills.{name}.{group}={name}" for name in skills for group in ("task", "metrics")]
-    return further + [TASK_FILE.sub(lambda found: f'{found[1]}="{option(found[2])}"', text) for text in opened_]
+    return further + [TASK_FILE.sub(lambda match: f'{match[1]}="{option(match[2])}"', text) for text in opened_]
 
 
 TASK_FILE = re.compile(r"^(\+{0,2}task(?:@[\w.]+)?)=[\"']?(.+\.py)[\"']?$")
@@ -310,11 +310,11 @@ def option(name: str) -> str:
 
 def leaves(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     """List the dotted key and the value of everything that is not a dictionary."""
-    found: list[tuple[str, Any]] = []
+    pairs: list[tuple[str, Any]] = []
     for key, value in values.items():
         nested = isinstance(value, Mapping)
-        found += leaves(value, f"{prefix}{key}.") if nested else [(f"{prefix}{key}", value)]
-    return found
+        pairs += leaves(value, f"{prefix}{key}.") if nested else [(f"{prefix}{key}", value)]
+    return pairs
 
 
 def keys(values: Mapping[str, Any]) -> list[str]:
@@ -322,19 +322,19 @@ def keys(values: Mapping[str, Any]) -> list[str]:
     return [key for key, _ in leaves(values)]
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, names: Iterable[str]) -> str:
     """Return the end of an error message: the known names closest to a mistyped one, or all where none is close."""
-    known = list(known)
-    close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-    return f"; did you mean: {', '.join(close)}" if close else f"; known: {', '.join(known)}"
+    names = list(names)
+    close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    return f"; did you mean: {', '.join(close)}" if close else f"; known: {', '.join(names)}"
 
 
-def explain(error: Exception, known: Iterable[str]) -> str:
+def explain(error: Exception, names: Iterable[str]) -> str:
     """Turn an error of Hydra or OmegaConf about the overrides into one line.
 
     Args:
         error: their exception.
-        known: the keys that can be overridden.
+        names: the keys that can be overridden.
     """
     text = str(error)
     if isinstance(error, OverrideParseException):
@@ -342,44 +342,44 @@ def explain(error: Exception, known: Iterable[str]) -> str:
     if isinstance(error, MissingConfigException) and error.options:
         group, _, option = str(error.missing_cfg_file).rpartition("/")
         return f"key {group!r} is {option!r}{nearest(option, error.options)}"
-    if found := re.search(r"Could not override '([^']+)'|Key '([^']+)' is not in struct", text):
-        return _unknown(found[1] or found[2], list(known))
-    if found := re.search(r"Missing mandatory value: (\S+)", text):
-        return f"key {found[1]!r} has no value; give {found[1]}=..."
-    if found := re.search(r"Ambiguous value for argument '([^']+)'", text):
-        return f"{found[1]!r} gives several values; write key=[a,b] for a list, or add -m to run once with each"
+    if match := re.search(r"Could not override '([^']+)'|Key '([^']+)' is not in struct", text):
+        return _unknown(match[1] or match[2], list(names))
+    if match := re.search(r"Missing mandatory value: (\S+)", text):
+        return f"key {match[1]!r} has no value; give {match[1]}=..."
+    if match := re.search(r"Ambiguous value for argument '([^']+)'", text):
+        return f"{match[1]!r} gives several values; write key=[a,b] for a list, or add -m to run once with each"
     return " ".join(text.split())
 
 
-def _unknown(name: str, known: list[str]) -> str:
+def _unknown(name: str, names: list[str]) -> str:
     """Return the message about a key that does not exist, with the closest ones."""
-    return f"key {name!r} is unknown{_nearest_key(name, known)}"
+    return f"key {name!r} is unknown{_nearest_key(name, names)}"
 
 
-def _nearest_key(name: str, known: list[str]) -> str:
+def _nearest_key(name: str, names: list[str]) -> str:
     """Return the end of an error message: keys that end as a mistyped one does or nearly so, else those of its group."""
     group, _, last = name.rpartition(".")
-    ends = [key.rpartition(".")[2] for key in known]
+    ends = [key.rpartition(".")[2] for key in names]
     meant = [last] if last in ends else difflib.get_close_matches(last, ends, n=3, cutoff=0.8)
-    found = [key for key, end in zip(known, ends, strict=True) if end in meant]
-    if found:  # those of its own group first
-        return f"; did you mean: {', '.join(sorted(found, key=lambda key: key.rpartition('.')[0] != group)[:3])}"
-    beside = _beside(group, known)
+    matches = [key for key, end in zip(names, ends, strict=True) if end in meant]
+    if matches:  # those of its own group first
+        return f"; did you mean: {', '.join(sorted(matches, key=lambda key: key.rpartition('.')[0] != group)[:3])}"
+    beside = _beside(group, names)
     close = difflib.get_close_matches(last, beside, n=3, cutoff=0.5)
     if close:
         return f"; did you mean: {', '.join(beside[each] for each in close)}"
     return f"; known: {', '.join(beside.values())}"
 
 
-def _beside(group: str, known: list[str]) -> dict[str, str]:
+def _beside(group: str, names: list[str]) -> dict[str, str]:
     """Return what lies in a group of keys, or in the innermost around it that there is: the last parts, and keys or `group.*`.
 
     A command has hundreds of keys: of a group inside the group its name is enough.
     """
-    while group and not any(key.startswith(f"{group}.") for key in known):
+    while group and not any(key.startswith(f"{group}.") for key in names):
         group = group.rpartition(".")[0]
     start = f"{group}." if group else ""
-    inside = [key.removeprefix(start).partition(".") for key in known if key.startswith(start)]
+    inside = [key.removeprefix(start).partition(".") for key in names if key.startswith(start)]
     return {first: f"{start}{first}{dot and '.*'}" for first, dot, _ in inside}
 
 

@@ -32,14 +32,14 @@ def _device_name(device: str) -> str:
 def _version(name: str) -> str:
     """Return a package's version; torch's own file also tells the build (+cpu, +cu130), without the import."""
     try:
-        found = distribution(name)
+        package = distribution(name)
     except PackageNotFoundError:
         return "not installed"
     if name != "torch":
-        return found.version
-    text = Path(str(found.locate_file("torch/version.py"))).read_text()
+        return package.version
+    text = Path(str(package.locate_file("torch/version.py"))).read_text()
     build = re.search(r"__version__ = '([^']+)'", text)
-    return build[1] if build else found.version
+    return build[1] if build else package.version
 
 
 def _commit() -> str | None:

@@ -81,10 +81,10 @@ def refine(scene: Scene, config: RefineConfig) -> dict[str, Refined]:
     wide[:, ZERO] = False
     axis = annotator(fit(room, HASTY, wide, config), wide, config)
     first = fit(room, axis, room.free, config)
-    known = room.free & (first.sigma < config.known * prior_sigma(room, axis, config))
-    known[:, ZERO] &= np.abs(first.values[:, ZERO]) > config.sure * first.sigma[:, ZERO]
-    known[:, ZERO] &= first.values[:, ZERO] * [opening_sign(joint) for joint in room.joints] < 0.0
-    return _results(room, fit(room, axis, known, config), known, axis, config)
+    determined = room.free & (first.sigma < config.known * prior_sigma(room, axis, config))
+    determined[:, ZERO] &= np.abs(first.values[:, ZERO]) > config.sure * first.sigma[:, ZERO]
+    determined[:, ZERO] &= first.values[:, ZERO] * [opening_sign(joint) for joint in room.joints] < 0.0
+    return _results(room, fit(room, axis, determined, config), determined, axis, config)
 
 
 def with_joints(scene: Scene, refined: Mapping[str, Refined]) -> Scene:
@@ -93,50 +93,50 @@ def with_joints(scene: Scene, refined: Mapping[str, Refined]) -> Scene:
     return replace(scene, parts=parts)
 
 
-def annotator(found: RoomFit, free: np.ndarray, config: RefineConfig) -> float:
+def annotator(solution: RoomFit, free: np.ndarray, config: RefineConfig) -> float:
     """Return an annotator's standard deviation of axes [rad], from how far known directions lie from the annotation.
 
     Args:
-        found: parameters with next to no prior.
+        solution: parameters with next to no prior.
         free: which of them were sought, shape [joint 5].
         config: what holds where a room has too few joints to tell.
     """
-    known = free[:, TILT] & (found.sigma[:, TILT] < config.axis / 2)
-    if known.sum() < ENOUGH:
+    measured = free[:, TILT] & (solution.sigma[:, TILT] < config.axis / 2)
+    if measured.sum() < ENOUGH:
         return config.axis
-    moved, blur = found.values[:, TILT][known], found.sigma[:, TILT][known]
+    moved, blur = solution.values[:, TILT][measured], solution.sigma[:, TILT][measured]
     typical = (float(np.median(np.abs(moved))) / 0.6745) ** 2 - float(np.median(blur)) ** 2
     return float(np.clip(math.sqrt(max(0.0, typical)), CAREFUL, HASTY))
 
 
 def _results(
-    room: JointedRoom, found: RoomFit, known: np.ndarray, axis: float, config: RefineConfig
+    room: JointedRoom, solution: RoomFit, determined: np.ndarray, axis: float, config: RefineConfig
 ) -> dict[str, Refined]:
     """Return the refined joints; one that came out worse by its own loss is as annotated."""
     terms, prior = priors(room, axis, config), prior_sigma(room, axis, config)
     results = {}
     for i, part in enumerate(room.parts):
-        values, told = found.values.copy(), known[i]
-        values[i], away = _cautious(values[i], np.where(told, found.sigma[i], prior[i]), config)
+        values, measured = solution.values.copy(), determined[i]
+        values[i], away = _cautious(values[i], np.where(measured, solution.sigma[i], prior[i]), config)
         moved = values[i].copy()
-        after = loss_of(room, i, values, found.turns, terms)
+        after = loss_of(room, i, values, solution.turns, terms)
         values[i] = 0.0
-        before = loss_of(room, i, values, found.turns, terms)
-        kept = after <= before
-        if not kept:
-            told = np.zeros_like(told)
+        before = loss_of(room, i, values, solution.turns, terms)
+        improved = after <= before
+        if not improved:
+            measured = np.zeros_like(measured)
             moved, away = values[i], np.zeros_like(away)
-        joint = _moved(room, i, moved, bool(told[ZERO]))
-        change = _change(room, i, joint, moved, told, np.hypot(np.where(told, found.sigma[i], prior[i]), away))
-        results[part] = Refined(joint, change, before, after if kept else before)
+        joint = _moved(room, i, moved, bool(measured[ZERO]))
+        change = _change(room, i, joint, moved, measured, np.hypot(np.where(measured, solution.sigma[i], prior[i]), away))
+        results[part] = Refined(joint, change, before, after if improved else before)
     return results
 
 
 def _cautious(values: np.ndarray, sigma: np.ndarray, config: RefineConfig) -> tuple[np.ndarray, np.ndarray]:
     """Return a joint's parameters [5], its axis moved no farther than `dared`, and how far that leaves them from the best [5]."""
-    tilt, found = list(TILT), values.copy()
-    found[tilt] *= dared(values[tilt], sigma[tilt], config.worse, config.regret)
-    return found, np.abs(values - found)
+    tilt, result = list(TILT), values.copy()
+    result[tilt] *= dared(values[tilt], sigma[tilt], config.worse, config.regret)
+    return result, np.abs(values - result)
 
 
 def _moved(room: JointedRoom, number: int, values: np.ndarray, ajar: bool) -> Joint:
@@ -151,7 +151,7 @@ def _moved(room: JointedRoom, number: int, values: np.ndarray, ajar: bool) -> Jo
 
 
 def _change(
-    room: JointedRoom, number: int, joint: Joint, values: np.ndarray, known: np.ndarray, sigma: np.ndarray
+    room: JointedRoom, number: int, joint: Joint, values: np.ndarray, determined: np.ndarray, sigma: np.ndarray
 ) -> Refinement:
     """Return how far a joint was moved, and what the scan does not tell of it."""
     old = room.joints[number]
@@ -165,7 +165,7 @@ def _change(
         zero=float(values[ZERO]),
         angle_sigma=float(sigma[:2].max()),
         shift_sigma=float(sigma[2:4].max()) if hinge else 0.0,
-        unknown=tuple(name for name, told in zip(names, known, strict=False) if not told),
+        unknown=tuple(name for name, measured in zip(names, determined, strict=False) if not measured),
     )
 
 

@@ -138,10 +138,10 @@ class MotionLimits:
         A position controller of stiffness k and damping d needs a lag of v d / k to overcome its damping; the target brakes at
         a when it is v^2 / (2 a) short of the window. So v d / k + v^2 / (2 a) = window.
         """
-        asked, lag = self.of(arm), gains.arm_damping / gains.arm_stiffness
-        fastest = [a * (math.sqrt(lag**2 + 2.0 * self.window / a) - lag) for a in asked.acceleration]
-        velocity = tuple(min(v, most) for v, most in zip(asked.velocity, fastest, strict=True))
-        return JointLimits(velocity, asked.acceleration, arm.torque)
+        limits, lag = self.of(arm), gains.arm_damping / gains.arm_stiffness
+        fastest = [a * (math.sqrt(lag**2 + 2.0 * self.window / a) - lag) for a in limits.acceleration]
+        velocity = tuple(min(v, most) for v, most in zip(limits.velocity, fastest, strict=True))
+        return JointLimits(velocity, limits.acceleration, arm.torque)
 
 
 @dataclass(frozen=True)

@@ -200,12 +200,12 @@ def _read(spec: RobotSpec, model: str, prefix: str) -> ElementTree.Element:
     for kind in ("collision", "visual"):
         for mesh in robot.iterfind(f"link/{kind}/geometry/mesh"):
             name = str(mesh.get("filename"))
-            found = _mesh(path, name)
-            if found is None and kind == "collision":  # Newton warns of a visual one that is rendered
+            file = _mesh(path, name)
+            if file is None and kind == "collision":  # Newton warns of a visual one that is rendered
                 raise InputError(
                     f"{path}: collision mesh {name}: no such file, nor package in a folder above the model"
                 )
-            mesh.set("filename", found or name)
+            mesh.set("filename", file or name)
     for element in robot.iter() if prefix else ():
         key = {"link": "name", "joint": "name", "parent": "link", "child": "link", "mimic": "joint"}.get(element.tag)
         if key and element.get(key):
@@ -436,10 +436,10 @@ def _ends(joint: ElementTree.Element) -> tuple[str, str]:
 
 
 def _named(robot: ElementTree.Element, tag: str, name: str) -> ElementTree.Element:
-    found = robot.find(f"{tag}[@name='{name}']")
-    if found is None:
+    element = robot.find(f"{tag}[@name='{name}']")
+    if element is None:
         raise InputError(f"the URDF has no {tag} {name!r}; correct the robot's YAML")
-    return found
+    return element
 
 
 def _numbers(text: str) -> np.ndarray:

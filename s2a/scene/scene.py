@@ -216,11 +216,11 @@ class Scene:
     @cached_property
     def children(self) -> dict[str, tuple[str, ...]]:
         """Ids of the direct children of every part."""
-        found: dict[str, list[str]] = {i: [] for i in self.parts}
+        ids: dict[str, list[str]] = {i: [] for i in self.parts}
         for part_id, part in self.parts.items():
             if part.parent is not None:
-                found[part.parent].append(part_id)
-        return {i: tuple(c) for i, c in found.items()}
+                ids[part.parent].append(part_id)
+        return {i: tuple(c) for i, c in ids.items()}
 
     def descendants(self, part_id: str) -> tuple[str, ...]:
         """Ids of everything below a part, parents before children."""
@@ -341,9 +341,9 @@ def problems(kind: str, low: float, high: float) -> list[str]:
         low: lowest coordinate [m] or [rad], relative to the scanned pose; may be NaN.
         high: the highest one.
     """
-    unit, found = UNITS[kind], []
+    unit, texts = UNITS[kind], []
     if not low <= 0.0 <= high:
-        found.append(f"limits {low:g} to {high:g} {unit} do not hold 0, the scanned pose")
+        texts.append(f"limits {low:g} to {high:g} {unit} do not hold 0, the scanned pose")
     if not NARROWEST <= high - low <= WIDEST[kind]:
-        found.append(f"a range of {high - low:g} {unit}, possible: {NARROWEST:g} to {WIDEST[kind]:g} {unit}")
-    return found
+        texts.append(f"a range of {high - low:g} {unit}, possible: {NARROWEST:g} to {WIDEST[kind]:g} {unit}")
+    return texts

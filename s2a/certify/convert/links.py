@@ -48,7 +48,7 @@ class LinkedRoom:
     Attributes:
         room: the room.
         active: ids of the articulated parts and free objects that move.
-        kept: ids of these and of the fixed bodies that carry them, parents before children.
+        bodies: ids of these and of the fixed bodies that carry them, parents before children.
         links: by id, STATIC among them.
         builder: the same room for Newton.
         shape_names: name of every shape of the builder; that of a hull names it in its link too.
@@ -56,18 +56,18 @@ class LinkedRoom:
 
     room: SimRoom
     active: tuple[str, ...]
-    kept: tuple[str, ...]
+    bodies: tuple[str, ...]
     links: dict[str, Link]
     builder: newton.ModelBuilder
     shape_names: list[str]
 
     def filtered(self) -> list[tuple[str, str]]:
         """Return the pairs of links that do not collide: those that a joint connects, and those that overlap somewhere."""
-        found = set()
+        pairs = set()
         for part in (i for i in self.active if i in self.room.articulations):
-            others = (carrier_of(self.room, part, self.kept), *self.room.articulations[part].filtered)
-            found |= {(min(part, i), max(part, i)) for i in others if i in self.kept}
-        return sorted(found)
+            others = (carrier_of(self.room, part, self.bodies), *self.room.articulations[part].filtered)
+            pairs |= {(min(part, i), max(part, i)) for i in others if i in self.bodies}
+        return sorted(pairs)
 
 
 def read_links(path: Path, parts: str | Sequence[str], config: SimConfig) -> LinkedRoom:
@@ -88,7 +88,7 @@ def read_links(path: Path, parts: str | Sequence[str], config: SimConfig) -> Lin
         raise InputError(
             f"{path}: nothing of room {room.name!r} is to move; give parts={ALL}, parts=drawer_7 or parts=[drawer_6,door_8]"
         )
-    kept = kept_bodies(room, active)
+    bodies = kept_bodies(room, active)
     builder = empty_world()
     add_room(builder, room, sim_stage.open_physics(path), active, load_sites=True)
     for part in (i for i in active if i in room.articulations):
@@ -97,14 +97,14 @@ def read_links(path: Path, parts: str | Sequence[str], config: SimConfig) -> Lin
         builder.joint_damping[dof] = config.joint.joint_damping(room.articulations[part])
         stiffen(builder, dof, config.dt)
     names = [_name(label) for label in builder.shape_label]
-    links = {i: Link() for i in (*kept, STATIC)}
+    links = {i: Link() for i in (*bodies, STATIC)}
     for shape, name in enumerate(names):
         if builder.shape_flags[shape] & newton.ShapeFlags.COLLIDE_SHAPES:
             body = builder.shape_body[shape]
             link = STATIC if body < 0 else builder.body_label[body].split("/")[-1]
             links[link].colliders[name] = _hull(builder, shape)
-    _add_visuals(links, room, kept)
-    return LinkedRoom(room, active, kept, links, builder, names)
+    _add_visuals(links, room, bodies)
+    return LinkedRoom(room, active, bodies, links, builder, names)
 
 
 def _name(label: str) -> str:
@@ -126,13 +126,13 @@ def _visible(mesh: Mesh) -> bool:
     return len(mesh.vertices) > 3 and bool(mesh.face_areas.sum() > MIN_AREA)
 
 
-def _add_visuals(links: dict[str, Link], room: SimRoom, kept: Sequence[str]) -> None:
+def _add_visuals(links: dict[str, Link], room: SimRoom, bodies: Sequence[str]) -> None:
     """Give every surface to the link that it moves with."""
     if _visible(room.static_visual):
         links[STATIC].visuals[STATIC] = room.static_visual
     for body in (b for b in (*room.bodies.values(), *room.free.values()) if _visible(b.visual)):
-        link = body.id if body.id in kept else carrier_of(room, body.id, kept) or STATIC
-        points = body.visual.vertices if body.id in kept else in_scene(body, body.visual)
+        link = body.id if body.id in bodies else carrier_of(room, body.id, bodies) or STATIC
+        points = body.visual.vertices if body.id in bodies else in_scene(body, body.visual)
         links[link].visuals[body.id] = Mesh(points, body.visual.faces, body.visual.colors)
 
 

@@ -111,8 +111,8 @@ def _add_surfaces(root: ElementTree.Element, linked: LinkedRoom, folder: Path) -
 
 
 def _child(root: ElementTree.Element, tag: str) -> ElementTree.Element:
-    found = root.find(tag)
-    return ElementTree.SubElement(root, tag) if found is None else found
+    child = root.find(tag)
+    return ElementTree.SubElement(root, tag) if child is None else child
 
 
 def _element(tag: str, **attributes: str) -> ElementTree.Element:

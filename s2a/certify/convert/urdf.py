@@ -41,7 +41,7 @@ def write(linked: LinkedRoom, config: SimConfig, folder: Path) -> None:
     (folder / FOLDER).mkdir()
     room, robot = linked.room, Element("robot", name=linked.room.name)
     _add_link(robot, WORLD, linked.links[STATIC], None, np.zeros(3), folder)
-    for body in linked.kept:
+    for body in linked.bodies:
         if body in room.free:
             _write_free(linked, body, folder)
             ElementTree.SubElement(robot, "link", name=body)
@@ -49,7 +49,7 @@ def write(linked: LinkedRoom, config: SimConfig, folder: Path) -> None:
             continue
         origin = _origin(linked, body)
         _add_link(robot, body, linked.links[body], room.bodies[body].mass, origin, folder)
-        parent = carrier_of(room, body, linked.kept) or WORLD
+        parent = carrier_of(room, body, linked.bodies) or WORLD
         joint = _add_joint(robot, body, parent, origin - _origin(linked, parent))
         if body in room.articulations:
             _articulate(joint, room.articulations[body], config.joint.joint_damping(room.articulations[body]))
@@ -59,8 +59,8 @@ def write(linked: LinkedRoom, config: SimConfig, folder: Path) -> None:
 
 def _origin(linked: LinkedRoom, link: str) -> np.ndarray:
     """Return the origin of a link's frame in the scene [m], shape [3]: that of its joint, or the scene's."""
-    found = linked.room.articulations.get(link)
-    return np.array(found.joint.origin) if found and link in linked.active else np.zeros(3)
+    articulation = linked.room.articulations.get(link)
+    return np.array(articulation.joint.origin) if articulation and link in linked.active else np.zeros(3)
 
 
 def _add_link(robot: Element, name: str, content: Link, mass: Mass | None, origin: np.ndarray, folder: Path) -> None:
@@ -124,7 +124,7 @@ def _pairs(linked: LinkedRoom) -> Element:
     """Return the SRDF of a room: which links do not collide."""
     room, robot = linked.room, Element("robot", name=linked.room.name)
     for one, other in linked.filtered():
-        joined = carrier_of(room, one, linked.kept) == other or carrier_of(room, other, linked.kept) == one
+        joined = carrier_of(room, one, linked.bodies) == other or carrier_of(room, other, linked.bodies) == one
         reason = "Adjacent" if joined else "Default"  # SAPIEN heeds no other word
         ElementTree.SubElement(robot, "disable_collisions", link1=one, link2=other, reason=reason)
     return robot

@@ -64,13 +64,13 @@ def meanings(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
 
 def _chosen(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
     """Read the meaning of the keys of those fields that depend on the values."""
-    meanings: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for key in values:
         if chosen := config.note(cls, key, config.Chosen):
-            meanings |= attributes(chosen.choose(values), f"{key}.")
+            texts |= attributes(chosen.choose(values), f"{key}.")
         if described := config.note(cls, key, config.Described):
-            meanings |= {f"{key}.{name}": meaning for name, meaning in described.describe(values).items()}
-    return meanings
+            texts |= {f"{key}.{name}": meaning for name, meaning in described.describe(values).items()}
+    return texts
 
 
 def examples(name: str) -> list[str]:

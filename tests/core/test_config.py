@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_type_hints
 
 import pytest
+import satellites
 
 from s2a import tasks
 from s2a.commands import cli, train, usage
@@ -296,6 +297,7 @@ TEXTS = (
 
 @pytest.mark.parametrize("command", ["insert", "prepare", "train", "do"])
 def test_a_text_and_a_path_arrive_as_they_were_given(command: str):
+    satellites.need(command)
     settings = cli.settings_of(command)
     names = [
         name
@@ -310,8 +312,8 @@ def test_a_text_and_a_path_arrive_as_they_were_given(command: str):
 
 
 def test_none_lists_and_other_keys_keep_their_grammar():
-    values = cli.compose("insert", ["label=null", "image='null'", "plans=1_000"])
-    assert values["label"] is None and values["image"] == "'null'" and values["plans"] == 1000
+    values = cli.compose("view", ["part=null", "image='null'", "max_faces=1_000"])
+    assert values["part"] is None and values["image"] == "'null'" and values["max_faces"] == 1000
     for given, texts in {
         "[1_000,Café (2)]": ["1_000", "Café (2)"],
         """["a,b", 'c"d' ,e's]""": ["a,b", 'c"d', "e's"],
@@ -331,9 +333,9 @@ def test_an_error_names_the_text_that_was_given():
 
 
 def test_a_sweep_does_not_rewrite_numbers_that_are_texts():
-    given = ["out=20241127_120000,61e5,b", "seed=1_000,2", "label=true"]
-    assert config.quoted(given, cli.settings_of("insert")) == [
-        'out="20241127_120000","61e5",b', "seed=1_000,2", 'label="true"',
+    given = ["out=20241127_120000,61e5,b", "seed=1_000,2", "policy=true"]
+    assert config.quoted(given, cli.settings_of("bench")) == [
+        'out="20241127_120000","61e5",b', "seed=1_000,2", 'policy="true"',
     ]  # fmt: skip
 
 

@@ -206,7 +206,9 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
     candidates = _predictions(predictions, surface, files.name, box)
     chosen = predicted.choose(candidates, config.min_score, OVERLAP)
     if not chosen:
-        scores = f"; the best score is {max(one.score for one in candidates):.3g}: give min_score=" if candidates else ""
+        scores = (
+            f"; the best score is {max(one.score for one in candidates):.3g}: give min_score=" if candidates else ""
+        )
         raise InputError(
             f"{predictions}: no prediction of {len(candidates)} has a score of {config.min_score:g} or more{scores}"
         )
@@ -220,7 +222,9 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
         written |= {} if box is None else {"box": str(box)}
         (out / PREDICTED).write_text(json.dumps(written, indent=1), encoding="utf-8")
     if assumed := sum(one.assumed_range for one in chosen):
-        _log.warning("%s: %d of %d joints come without a range, and get the usual one", predictions, assumed, len(chosen))
+        _log.warning(
+            "%s: %d of %d joints come without a range, and get the usual one", predictions, assumed, len(chosen)
+        )
     kinds = ", ".join(f"{sum(one.kind == kind for one in chosen)} {kind}" for kind in reader.KINDS)
     handles = sum(len(one.handle) > 0 for one in chosen)
     counts = f"{len(chosen)} of {len(candidates)} predictions ({kinds}), {handles} with a handle"

@@ -125,7 +125,9 @@ def _play(config: Config, stage: Path) -> str:
     if config.part is None:  # a part is seen in the first world: others are a room away
         view = serve.whole(view, room, len(recording.worlds))
     with serve.served_worlds(room, recording, view, config.camera.fov, config.port) as address:
-        report(f"{config.path}: {len(recording.worlds)} worlds, {recording.frames} frames, at {address}; Ctrl-C ends it")
+        report(
+            f"{config.path}: {len(recording.worlds)} worlds, {recording.frames} frames, at {address}; Ctrl-C ends it"
+        )
         with suppress(KeyboardInterrupt):
             threading.Event().wait()
     return ""

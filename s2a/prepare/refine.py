@@ -127,7 +127,9 @@ def _results(
             measured = np.zeros_like(measured)
             moved, away = values[i], np.zeros_like(away)
         joint = _moved(room, i, moved, bool(measured[ZERO]))
-        change = _change(room, i, joint, moved, measured, np.hypot(np.where(measured, solution.sigma[i], prior[i]), away))
+        change = _change(
+            room, i, joint, moved, measured, np.hypot(np.where(measured, solution.sigma[i], prior[i]), away)
+        )
         results[part] = Refined(joint, change, before, after if improved else before)
     return results
 

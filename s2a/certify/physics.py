@@ -73,8 +73,8 @@ class MujocoWorld:
             free: The room's free objects move too.
             robot: name of the robot whose gripper it is; None: one that the part was prepared for.
         """
-        bodies = sim_stage.read(path, visuals=False).free if free else ()
-        self.stage, self.dt = read_stage(path, part, robot=robot, also=tuple(bodies)), config.dt
+        free_objects = sim_stage.read(path, visuals=False).free if free else ()
+        self.stage, self.dt = read_stage(path, part, robot=robot, also=tuple(free_objects)), config.dt
         self.robot = robots.load(self.stage.robot)
         gripper = self.robot.gripper
         with temporary_folder() as folder, wp.ScopedDevice("cpu"):

@@ -162,7 +162,7 @@ class Reduction:
         group: "structure" (walls, floor, ceiling) or "other".
         before: faces that it had.
         after: faces that it has.
-        goal: faces that it should have.
+        asked: faces that it should have.
         mean: mean distance of the surfaces before and after [m], the larger one of both directions.
         p99: what 99 % of the points stay below [m], likewise.
         max: largest distance found [m], likewise.
@@ -171,7 +171,7 @@ class Reduction:
     group: str
     before: int
     after: int
-    goal: int
+    asked: int
     mean: float
     p99: float
     max: float
@@ -179,7 +179,7 @@ class Reduction:
     @property
     def reached(self) -> bool:
         """Whether the number of faces is within 1 % of what was asked for."""
-        return abs(self.after - self.goal) <= 0.01 * self.goal
+        return abs(self.after - self.asked) <= 0.01 * self.asked
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,11 @@ from s2a.scan.evidence import joint as motion
 from s2a.scan.evidence.front import Front, front, panel
 from s2a.scan.evidence.surface import ScanSurface, Sweep, sphere, sweep
 from s2a.scan.formats.articulate3d import Overlap
-from s2a.scene.geometry.mesh_ops import centroids, normals, sample_with_faces
+from s2a.scene.geometry.mesh_ops import centroids, normals
 from s2a.scene.scene import Mesh, Scene
 
 LEVEL = np.cos(np.radians(10.0))
 """Faces within 10 degrees of a direction look along it: rough faces of level surfaces do."""
-SAMPLES = 20_000
-"""Points that stand for the surface."""
 BORDER = 0.15
 """[m] Surfaces this near to the lowest or the highest ones are floor or ceiling."""
 UNITS = "scan_units"
@@ -38,16 +36,10 @@ def up_axis(surface: ScanSurface, bounds: Bounds) -> list[Check]:
     floors = [p.mesh for p in surface.scene.parts.values() if FLOOR.match(p.label) and p.mesh.face_areas.sum() > 0]
     if floors:
         return [_labelled(floors, surface, bounds)]
-    points, facing = samples(surface.mesh)
+    points, facing = surface.samples
     if not len(points):
         return [Check("up_axis", "skipped", message="there is no surface")]
     return [_level(facing, bounds), _underside(points, surface.winding * facing, bounds)]
-
-
-def samples(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Return points spread evenly over a surface [m], and the unit normals of their faces, shape [point 3] each."""
-    points, faces = sample_with_faces(mesh, SAMPLES, 0)
-    return points, normals(mesh)[faces]
 
 
 def level_fraction(facing: np.ndarray, direction: np.ndarray) -> float:
@@ -73,7 +65,7 @@ def _labelled(floors: list[Mesh], surface: ScanSurface, bounds: Bounds) -> Check
     facing = np.concatenate([normals(mesh) for mesh in floors])
     spread = (facing * weight[:, None]).T @ facing
     normal = np.linalg.eigh(spread)[1][:, -1]
-    points = samples(surface.mesh)[0]
+    points = surface.samples[0]
     height = float(np.average((middle @ normal), weights=weight))
     normal = normal if float(np.median(points @ normal)) > height else -normal
     slope = float(np.degrees(np.arccos(np.clip(normal[2], -1.0, 1.0))))
@@ -142,7 +134,7 @@ def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Che
 
 def _raised(surface: ScanSurface) -> float:
     """Return the median height over the floor of the surfaces between floor and ceiling that look up [m]; NaN without any."""
-    points, facing = samples(surface.mesh)
+    points, facing = surface.samples
     if not len(points):
         return float("nan")
     low, high = np.quantile(points[:, 2], [0.005, 0.995])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from s2a.core.bounds import Fraction, Positive
 from s2a.scene.articulation import displace, open_limit
-from s2a.scene.geometry.mesh_ops import merge, normals, sample
+from s2a.scene.geometry.mesh_ops import merge, normals, sample, sample_with_faces
 from s2a.scene.geometry.mesh_query import Forest, RayMesh, first_hits, nearest_faces, ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
 
@@ -22,6 +23,8 @@ ENCLOSED = 0.7
 """Fraction of the rays from a place in a room that hit its surface; outside of it most of them hit nothing."""
 FACING = 0.9
 """Fraction of the rays from free space that hit surfaces from one and the same side; the rest are open edges and noise."""
+SAMPLES = 20_000
+"""Points that stand for the surface."""
 REACH = 30.0
 """[m] Longest line of sight."""
 
@@ -42,7 +45,7 @@ class ScanSurface:
         self.ids = tuple(scene.parts)
         meshes = [scene.parts[i].mesh for i in self.ids]
         self.mesh: Mesh = merge([Mesh(mesh.vertices, mesh.faces) for mesh in meshes])
-        self.owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+        self.owner = np.repeat(np.arange(len(meshes), dtype=np.int32), [len(mesh.faces) for mesh in meshes])
 
     def with_scene(self, scene: Scene) -> ScanSurface:
         """Return the same surface with another annotation of joints; the parts and their meshes must be the same."""
@@ -53,7 +56,13 @@ class ScanSurface:
     @cached_property
     def tree(self) -> RayMesh:
         """The whole surface, for rays."""
-        return ray_mesh(self.mesh.vertices, self.mesh.faces)
+        return ray_mesh(self.mesh.vertices, self.mesh.faces, compact=True)
+
+    @cached_property
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points spread evenly over it [m], and the unit normals of their faces, shape [point 3] each."""
+        points, faces = sample_with_faces(self.mesh, SAMPLES, 0)
+        return points, normals(self.mesh, faces)
 
     @property
     def viewpoints(self) -> np.ndarray:
@@ -230,7 +239,7 @@ def sweep(surface: ScanSurface, part: str, tolerated: float) -> Sweep:
     if not len(points):
         return Sweep(0.0, abs(limit), abs(limit), ())
     paths = np.stack([displace(points, joint, q) for q in np.linspace(0.0, limit, STEPS + 1)])
-    rest = np.flatnonzero(np.array([i not in mine for i in surface.ids])[surface.owner] & _near(surface.mesh, paths))
+    rest = _near(surface, mine, paths)
     if not len(rest):
         return Sweep(0.0, abs(limit), abs(limit), ())
     tree = ray_mesh(surface.mesh.vertices, surface.mesh.faces[rest])
@@ -246,9 +255,20 @@ def sweep(surface: ScanSurface, part: str, tolerated: float) -> Sweep:
     return Sweep(float(hit.mean()), abs(limit) * free / STEPS, abs(limit), obstacles)
 
 
-def _near(mesh: Mesh, paths: np.ndarray) -> np.ndarray:
-    """Return which faces of a mesh reach into the box around paths [step point 3], shape [face]."""
+def _near(surface: ScanSurface, mine: Collection[str], paths: np.ndarray) -> np.ndarray:
+    """Return the faces of all parts but some that reach into the box around paths [step point 3], as indices, ascending."""
     low, high = paths.min(axis=(0, 1)), paths.max(axis=(0, 1))
+    first, chosen = 0, [np.empty(0, np.int64)]
+    for part in surface.ids:
+        mesh = surface.scene.parts[part].mesh
+        if part not in mine and (mesh.bounds[0] <= high).all() and (mesh.bounds[1] >= low).all():
+            chosen.append(first + np.flatnonzero(_reaches(mesh, low, high)))
+        first += len(mesh.faces)
+    return np.concatenate(chosen)
+
+
+def _reaches(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return which faces of a mesh reach into a box, shape [face]."""
     # A bit for each side of the box: faces beyond one with all corners are outside. A byte a vertex; corners take 72 a face.
     beyond = np.concatenate([mesh.vertices < low, mesh.vertices > high], axis=1)
     outside = np.packbits(beyond, axis=1)[:, 0]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2a.scene.scene import Mesh
+from s2a.scene.scene import Mesh, crosses
 
 GREY = 180
 """Colour of a surface without colours, once it is merged with coloured ones."""
@@ -16,7 +16,7 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
     """Return one mesh of several, in their order; grey where a mesh without colours meets coloured ones."""
     if not meshes:
         return Mesh(np.empty((0, 3)), np.empty((0, 3)))
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)]).tolist()  # NumPy's own integers would widen the faces
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
     if all(mesh.colors is None for mesh in meshes):
@@ -73,12 +73,15 @@ def centroids(mesh: Mesh) -> np.ndarray:
     return mesh.vertices[mesh.faces].mean(axis=1, dtype=np.float64)
 
 
-def normals(mesh: Mesh) -> np.ndarray:
-    """Return the unit normal of each face, shape [face 3], float64; zero for a face without area."""
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
-    cross = np.cross(b - a, c - a)
-    length = np.linalg.norm(cross, axis=1, keepdims=True)
-    return np.divide(cross, length, out=np.zeros_like(cross), where=length > 0)
+def normals(mesh: Mesh, chosen: np.ndarray | None = None) -> np.ndarray:
+    """Return the unit normal of each face, or of those chosen, shape [face 3], float64; zero for a face without area."""
+    faces = mesh.faces if chosen is None else mesh.faces[chosen]
+    facing, start = np.zeros((len(faces), 3)), 0
+    for cross in crosses(mesh.vertices, faces):
+        length = np.linalg.norm(cross, axis=1, keepdims=True)
+        np.divide(cross, length, out=facing[start : start + len(cross)], where=length > 0)
+        start += len(cross)
+    return facing
 
 
 def sample(mesh: Mesh, count: int, seed: int) -> np.ndarray:

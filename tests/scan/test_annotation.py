@@ -307,3 +307,14 @@ def test_an_upright_sliver_is_no_crash() -> None:
 def test_a_scene_without_a_surface_is_unknown() -> None:
     empty = Part("box", Mesh(np.empty((0, 3)), np.empty((0, 3))))
     assert {f.status for f in annotation.check(Scene("empty", {"box_1": empty}), BOUNDS)} <= {"skipped", "fail"}
+
+
+def test_only_parts_that_share_a_vertex_with_another_touch_it() -> None:
+    def triangle(height: float) -> Part:
+        return Part("part", Mesh([[0, 0, height], [1, 0, height], [0, 1, 0.5]], [[0, 1, 2]]))
+
+    # Two share one corner, -0 is 0, and the others only have x and y in common with them.
+    low = Part("part", Mesh([[-0.0, 1, 0.5], [5, 5, 5], [6, 5, 5]], [[0, 1, 2]]))
+    above = Part("part", Mesh([[0, 0, 3], [1, 0, 3], [0, 1, 3]], [[0, 1, 2]]))
+    parts = {"a_1": triangle(0.0), "b_2": low, "c_3": above, "d_4": Part("part", Mesh([[5, 5, 6]] * 3, [[0, 1, 2]]))}
+    assert contact.isolated(ScanSurface(Scene("corners", parts))) == ["c_3", "d_4"]

@@ -10,7 +10,7 @@ from closeness import surface_distance
 from s2a.scene.geometry import convex, mesh_ops, planes
 from s2a.scene.geometry.front_panel import fraction_inside
 from s2a.scene.geometry.simplify import decimate, is_structure
-from s2a.scene.scene import Mesh
+from s2a.scene.scene import BLOCK, Mesh
 
 
 def rough_wall(width: float, height: float, noise: float, step: float = 0.02) -> Mesh:
@@ -121,3 +121,11 @@ def test_a_box_takes_the_faces_whose_own_boxes_meet_it() -> None:
     assert 0 < meets.sum() < 400
     assert np.array_equal(found.vertices[found.faces], triangles[meets])
     assert np.array_equal(np.unique(found.faces), np.arange(len(found.vertices)))
+
+
+def test_areas_and_normals_do_not_depend_on_how_many_faces_are_measured_at_a_time() -> None:
+    # One triangle of sides 3 and 4 in the plane x = 0, more often than a block holds.
+    mesh = Mesh([[0, 0, 0], [0, 3, 0], [0, 0, 4]], np.tile([[0, 1, 2]], (BLOCK + 3, 1)))
+    assert (mesh.face_areas == 6.0).all() and len(mesh.face_areas) == BLOCK + 3
+    assert (mesh_ops.normals(mesh) == [1.0, 0.0, 0.0]).all()
+    assert mesh_ops.normals(mesh, np.array([BLOCK + 2, 0])).tolist() == [[1.0, 0.0, 0.0]] * 2

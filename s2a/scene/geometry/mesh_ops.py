@@ -16,7 +16,8 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
     """Return one mesh of several, in their order; grey where a mesh without colours meets coloured ones."""
     if not meshes:
         return Mesh(np.empty((0, 3)), np.empty((0, 3)))
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)]).tolist()  # NumPy's own integers would widen the faces
+    # As Python's integers: NumPy's own would widen the faces to 64 bits.
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)]).tolist()
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
     if all(mesh.colors is None for mesh in meshes):

@@ -19,8 +19,9 @@ def ray_mesh(vertices: np.ndarray, faces: np.ndarray, *, compact: bool = False) 
 
     One for rays may be compact: a fifth of the tree's memory, the same hits. Of faces at one distance it may name another.
     """
-    points = wp.array(np.ascontiguousarray(vertices, np.float32), dtype=wp.vec3, device="cpu", copy=False)
-    corners = wp.array(np.ascontiguousarray(faces, np.int32).ravel(), dtype=int, device="cpu", copy=False)
+    copied = not len(vertices) or not len(faces)  # Warp 1.19 makes no mesh of an empty array that it shares
+    points = wp.array(np.ascontiguousarray(vertices, np.float32), dtype=wp.vec3, device="cpu", copy=copied)
+    corners = wp.array(np.ascontiguousarray(faces, np.int32).ravel(), dtype=int, device="cpu", copy=copied)
     return wp.Mesh(points, corners, **({"bvh_constructor": "median", "bvh_leaf_size": 8} if compact else {}))
 
 

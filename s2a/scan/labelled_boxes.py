@@ -205,6 +205,7 @@ SUFFIX = ".json"
 
 _ENTITIES, _LABEL, _PLACE = "spatialEntities", "semanticLabel_META", "locatable_META"
 _MESH, _BOX, _PLANE = "triangleMesh_META", "bounded3D_META", "bounded2D_META"
+_EXTENT = ("width", "height", "depth")
 _HEAD = 4096  # bytes in which the file's own keys are named
 
 
@@ -248,11 +249,16 @@ def _triangles(entity: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _box(entity: dict[str, Any]) -> LabelledBox:
-    solid = _BOX in entity
-    shape = entity[_BOX] if solid else entity[_PLANE]
-    offset = _vector(shape["offset"], "xyz" if solid else "xy")
-    size = _vector(shape["extent"], ("width", "height", "depth")[: len(offset)])
-    offset, size = (np.pad(values, (0, 3 - len(values))) for values in (offset, size))
+    if _BOX in entity:
+        offset, size = _vector(entity[_BOX]["offset"], "xyz"), _vector(entity[_BOX]["extent"], _EXTENT)
+    else:  # a rectangle lies across y, as WebXR's planes: its offset and extent are along x and z
+        offset, size = (
+            np.array([along_x, 0.0, along_z])
+            for along_x, along_z in (
+                _vector(entity[_PLANE]["offset"], "xy"),
+                _vector(entity[_PLANE]["extent"], _EXTENT[:2]),
+            )
+        )
     rotation, position = _pose(entity)
     label = str(entity[_LABEL]).lower().replace("_", " ").removesuffix(" face")
     return LabelledBox(label, rotation @ (offset + size / 2) + position, rotation.T, size)
@@ -265,7 +271,7 @@ def _pose(entity: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _vector(values: dict[str, Any], keys: str | tuple[str, ...]) -> np.ndarray:
-    vector = np.array([float(values[key]) for key in keys])
+    vector = np.array([float(values.get(key, 0.0)) for key in keys])  # protobuf's JSON leaves out zeros
     if not np.isfinite(vector).all():
         raise ValueError(f"{values} is not finite")
     return vector

@@ -20,6 +20,7 @@ from s2a.scan import labelled_boxes as quest_file
 
 Z_TO_Y = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
 """From z up to the scene's y up."""
+Y_TO_Z = np.linalg.inv(Z_TO_Y)
 
 
 def place(matrix: np.ndarray) -> dict[str, Any]:
@@ -38,8 +39,9 @@ def scene(path: Path) -> trimesh.Trimesh:
     pose = Z_TO_Y @ trimesh.transformations.rotation_matrix(0.7, (1, 2, 3), (0.2, 0.3, 0.1))
     local = trimesh.transform_points(mesh.vertices, np.linalg.inv(pose) @ Z_TO_Y)
     bed = Z_TO_Y @ trimesh.transformations.translation_matrix((-1.45, 1.5, 0.25))
-    top = bed @ trimesh.transformations.translation_matrix((0, 0, 0.25))
-    floor = Z_TO_Y
+    # WebXR's planes: y is the normal, the extent is along x and z.
+    top = Z_TO_Y @ trimesh.transformations.translation_matrix((-1.45, 1.5, 0.5)) @ Y_TO_Z
+    floor = Z_TO_Y @ Y_TO_Z
     entities = [
         {
             "semanticLabel_META": "BED",
@@ -80,6 +82,8 @@ def test_mesh_and_boxes_lie_where_they_are(tmp_path: Path) -> None:
         ("bed", False),
         ("floor", True),
     ]  # the bed's top is no second bed
+    assert boxes[1].axes[np.argmin(boxes[1].size)] @ [0, 1, 0] == pytest.approx(1.0)
+    assert boxes[1].holds(np.array([[2.4, 0.0, 1.9], [0.0, 1.0, 0.0]])).tolist() == [True, False]
     assert boxes[0].center == pytest.approx([-1.45, 0.25, -1.5]) and sorted(boxes[0].size) == pytest.approx(
         [0.5, 0.9, 2.0]
     )

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import furnished_room
 import pytest
 
 from s2a.commands import cli, dataset
 from s2a.core.errors import InputError
+from s2a.core.locks import LOCK, MARK
 from s2a.tasks import pool
 from s2a.view import report
 
@@ -90,3 +99,43 @@ def test_captures_that_fail_are_rows_and_are_tried_again(tmp_path: Path, capsys:
     assert "2 rooms failed" in capsys.readouterr().out
     assert cli.main([*keys, "episodes=3"]) == 2
     assert "made with other settings" in capsys.readouterr().err
+
+
+def until(process: subprocess.Popen[bytes], reached: Callable[[], bool]) -> None:
+    """Wait until a command has reached a point, and kill it there."""
+    while not reached():
+        assert process.poll() is None, "the command ended before it was killed"
+        time.sleep(0.05)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+
+
+@pytest.mark.slow
+def test_a_killed_run_goes_on_and_keeps_what_is_done(tmp_path: Path) -> None:
+    captures, out = tmp_path / "captures", tmp_path / "rooms"
+    captures.mkdir()
+    furnished_room.room().export(captures / "a.ply")
+    assert cli.main(["sample", "room=hallway", "seed=0", "detail=demo", f"out={captures / 'b'}"]) == 0
+    shutil.copytree(captures / "b", captures / "c")
+    command = [sys.executable, "-m", "s2a", "dataset", f"scans={captures}/*", f"out={out}", "stages=[]"]
+
+    def rows() -> dict[str, Any]:
+        return {file.stem: json.loads(file.read_text()) for file in out.glob("?.json")}
+
+    # Killed in the proposals of the first, whose import is done; then in the third, with the second done.
+    until(subprocess.Popen(command), lambda: "import" in rows().get("a", {}).get("seconds", {}))
+    imported = (out / "a/scan/import.json").stat().st_mtime_ns
+    until(subprocess.Popen(command), lambda: "prepare" in rows().get("c", {}).get("seconds", {}))
+    assert rows()["b"]["failed"] == "" and rows()["c"]["failed"] == dataset.CUT_OFF
+    done = {file.name: file.stat().st_mtime_ns for file in out.glob("b*")}
+    subprocess.run(command, check=True, env=os.environ)
+    assert (out / "a/scan/import.json").stat().st_mtime_ns == imported
+    assert {file.name: file.stat().st_mtime_ns for file in out.glob("b*")} == done
+    index = json.loads((out / "pool.json").read_text())
+    parts = {name: [part["part"] for part in index["parts"] if part["room"] == f"{name}.usd"] for name in "bc"}
+    assert parts["b"] and parts["b"] == parts["c"], "the same scan gives the same parts, cut off or not"
+    assert [one["name"] for one in index["verdicts"]] == ["a", "b", "c"]
+    assert not any(one["failed"] for one in index["verdicts"][1:])
+    assert all((out / part["motion"]).is_file() for part in index["parts"])
+    rests = [file for file in out.rglob("*") if MARK in file.name and not file.name.endswith(LOCK)]
+    assert not rests, "nothing of a killed run stays"

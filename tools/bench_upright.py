@@ -1,6 +1,6 @@
 """Up directions of captures with known truth: how many are found, asked for, or silently wrong; and the weights of the evidence.
 
-    python tools/bench_upright.py bench captures.json [--rotations 10]
+    python tools/bench_upright.py bench captures.json [--rotations 10] [--parts]
     python tools/bench_upright.py fit captures.json
 
 captures.json lists meshes and their true up direction in the file's coordinates: {"scans/room.ply": [0, 0, 1], ...}; paths are
@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,8 @@ from s2a.scan.surfels import sample
 
 WRONG = 5.0
 """An up direction farther than this from the truth is wrong [deg]."""
+FEWEST = 200
+"""Faces of a part at least."""
 NEGATIVE = ("hanging", "hanging_deep", "plinths", "shelves")
 """Evidence against a direction; all other evidence may only speak for it."""
 
@@ -38,7 +40,8 @@ class Count:
         stored: outcome of the file as it is.
         right: rotations whose direction was found.
         asked: rotations for which a key was asked.
-        wrong: rotations with another direction and no question.
+        wrong: rotations with another direction, no question and no warning.
+        warned: rotations with another direction and a warning.
         keyed: of those asked, how many are right with one key.
     """
 
@@ -46,6 +49,7 @@ class Count:
     right: int = 0
     asked: int = 0
     wrong: int = 0
+    warned: int = 0
     keyed: int = 0
 
 
@@ -56,21 +60,30 @@ def main() -> None:
     parser.add_argument("captures", type=Path)
     parser.add_argument("--rotations", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--parts", action="store_true", help="each rotation is of another part of the capture")
     options = parser.parse_args()
     truths = json.loads(options.captures.read_text())
     meshes = {options.captures.parent / name: np.array(up) / np.linalg.norm(up) for name, up in truths.items()}
-    (bench if options.mode == "bench" else fit)(meshes, options.rotations, options.seed)
+    if options.mode == "fit":
+        fit(meshes, options.seed)
+    else:
+        bench(meshes, options.rotations, options.seed, options.parts)
 
 
-def bench(meshes: dict[Path, np.ndarray], rotations: int, seed: int) -> None:
-    """Print the outcomes of each capture, as stored and in random rotations that state nothing."""
+def bench(meshes: dict[Path, np.ndarray], rotations: int, seed: int, parts: bool) -> None:
+    """Print the outcomes of each capture, as stored and in random rotations, whole or of its parts, that state nothing."""
     total = Count("")
-    print(f"{'capture':40s} as stored  right asked wrong  with a key  seconds a mesh")
+    print(f"{'capture':40s} as stored  right asked warned wrong  with a key  seconds a mesh")
     for path, truth in meshes.items():
         source, start = load(path), time.perf_counter()
         count = Count(outcome(source, truth, source.stated, frame.by_name(path)))
-        for turn in turns(rotations, seed):
+        for i, turn in enumerate(turns(rotations, seed)):
             turned = moved(source, turn)
+            if parts:
+                kept = PARTS[i % len(PARTS)](source, truth, np.random.default_rng([seed, i]))
+                turned = replace(turned, faces=source.faces[kept])
+                if len(turned.faces) < FEWEST:
+                    continue
             result = outcome(turned, turn @ truth, Stated(), None)
             setattr(count, result, getattr(count, result) + 1)
             if result == "asked":
@@ -79,26 +92,29 @@ def bench(meshes: dict[Path, np.ndarray], rotations: int, seed: int) -> None:
                 )
         seconds = (time.perf_counter() - start) / (rotations + 1)
         print(
-            f"{path.stem[-40:]:40s} {count.stored:9s}  {count.right:5d} {count.asked:5d} {count.wrong:5d}"
+            f"{path.stem[-40:]:40s} {count.stored:9s}  {count.right:5d} {count.asked:5d} {count.warned:6d} {count.wrong:5d}"
             f"  {count.keyed:3d} of {count.asked:<3d}  {seconds:.2f}",
             flush=True,
         )
-        for key in ("right", "asked", "wrong", "keyed"):
+        for key in ("right", "asked", "warned", "wrong", "keyed"):
             setattr(total, key, getattr(total, key) + getattr(count, key))
     print(
-        f"of {rotations * len(meshes)} rotated meshes: {total.right} right, {total.asked} asked, {total.wrong} silently wrong"
+        f"of {rotations * len(meshes)} rotated meshes: {total.right} right, {total.asked} asked, "
+        f"{total.warned} wrong with a warning, {total.wrong} silently wrong"
     )
 
 
 def outcome(
     mesh: SourceMesh, truth: np.ndarray, stated: Stated, habits: Stated | None, up: str | list[float] = "auto"
 ) -> str:
-    """Return "right", "asked" or "wrong" for a mesh."""
+    """Return "right", "asked", "warned" or "wrong" for a mesh."""
     try:
         result = frame.find(mesh.vertices, mesh.faces, stated, up, "auto", habit=habits)
     except InputError:
         return "asked"
-    return "right" if np.degrees(np.arccos(np.clip(np.dot(result.up, truth), -1, 1))) <= WRONG else "wrong"
+    if np.degrees(np.arccos(np.clip(np.dot(result.up, truth), -1, 1))) <= WRONG:
+        return "right"
+    return "warned" if result.doubts else "wrong"
 
 
 def load(path: Path) -> SourceMesh:
@@ -127,7 +143,7 @@ def turns(count: int, seed: int) -> list[np.ndarray]:
     return matrices
 
 
-def fit(meshes: dict[Path, np.ndarray], rotations: int, seed: int) -> None:
+def fit(meshes: dict[Path, np.ndarray], seed: int) -> None:
     """Print the weights under which the true directions of whole captures and of parts of them are likeliest."""
     names, groups = list(upright.WEIGHTS), []
     for path, truth in meshes.items():
@@ -135,7 +151,7 @@ def fit(meshes: dict[Path, np.ndarray], rotations: int, seed: int) -> None:
         rng = np.random.default_rng([seed, len(source.faces)])
         for part, turn in zip(PARTS, turns(len(PARTS), int(rng.integers(1 << 30))), strict=True):
             faces = source.faces[part(source, truth, rng)]
-            if len(faces) < 200:
+            if len(faces) < FEWEST:
                 continue
             found = upright.candidates(sample(source.vertices @ turn.T, faces))
             angles = [np.degrees(np.arccos(np.clip(one.up @ turn @ truth, -1, 1))) for one in found]

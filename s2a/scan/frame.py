@@ -207,7 +207,7 @@ def _detect(
 def _undeclared(
     mesh: Sampled, candidates: list[Candidate], cameras: np.ndarray | None
 ) -> tuple[np.ndarray, str, float, tuple[str, ...]]:
-    """Return the up direction that the surface alone tells, why, its probability, and no doubt.
+    """Return the up direction that the surface alone tells, why, its probability, and doubts about it.
 
     Raises:
         InputError: it is not clear.
@@ -228,7 +228,10 @@ def _undeclared(
     axis = _axis(direction)
     if _angle(direction, np.array(UP[axis])) < _ALIGNED:
         direction = np.array(UP[axis])
-    return direction, "by the surface" if cameras is None else "by the surface and the cameras", float(odds[best]), ()
+    if cameras is not None:
+        return direction, "by the surface and the cameras", float(odds[best]), ()
+    doubt = "a side of the room was not scanned, so that up is not certain; look at image=FILE.png, or give up="
+    return direction, "by the surface", float(odds[best]), (doubt,) if odds[best] < upright.certain(candidates) else ()
 
 
 def _odds(candidates: list[Candidate], stated: np.ndarray | None, belief: float) -> np.ndarray:

@@ -34,6 +34,8 @@ SURE_OF_STRIP = 0.995
 """Confidence from which on a direction is believed along which a scan is narrow: it may be a strip along a wall on its back."""
 SURE_OF_WHOLE = 0.7
 """Confidence from which on a direction is believed for a closed room."""
+CERTAIN = (0.992, 0.998)
+"""Confidence from which on there is no doubt where a side of the room is missing: of an open room, and of one closed otherwise."""
 FAMILIAR = 0.75
 """A direction counts if at least this much of what lies along or across the best one lies along or across it."""
 
@@ -52,6 +54,7 @@ _BENCHES = {"plinths": (0.10, 0.34), "tables": (0.67, 0.80), "chests": (0.98, 1.
 _FLOOR, _UPRIGHT = 0.15, 0.05  # fraction of the footprint that the floor, and of the surface that walls at least are
 _FLOOR_POINTS = 200  # samples in a floor, from which on its plane is fitted
 _CLOSED = (0.62, 0.72, 0.80)  # mean coverage of six sides: of a part of a room, most rooms without ceiling, whole ones
+_MISSING = (0.3, 0.5)  # coverage of a side that was not scanned, and of one that was, at least
 _NARROW = 1.8  # m; what is narrower is no whole room
 
 
@@ -130,6 +133,19 @@ def required(candidates: list[Candidate], best: Candidate) -> float:
         return SURE
     closed = float(np.mean([side.evidence["floor"] for side in sides]))
     return float(np.interp(closed, _CLOSED, (SURE, SURE_OF_WHOLE + 0.1, SURE_OF_WHOLE)))
+
+
+def certain(candidates: list[Candidate]) -> float:
+    """Return the confidence from which on the likeliest candidate, once believed, is told without a doubt.
+
+    Half a room looks like a room without ceiling that lies on its side, and a closed room's half has more of such walls.
+    """
+    sides = sorted(candidates, key=lambda candidate: -candidate.evidence["floor"])[:6]
+    if min(side.evidence["extent"] for side in sides) < _NARROW:
+        return CERTAIN[1]
+    covered = [side.evidence["floor"] for side in sides]
+    part = float(np.interp(np.mean(covered), _CLOSED[:2], CERTAIN))
+    return float(np.interp(min(covered), _MISSING, (part, SURE_OF_WHOLE)))
 
 
 def reasons(candidate: Candidate) -> list[str]:

@@ -8,8 +8,9 @@ import pytest
 import trimesh
 
 from s2a.core.errors import InputError
-from s2a.scan import frame
+from s2a.scan import frame, upright
 from s2a.scan.source import Stated
+from s2a.scan.surfels import sample
 
 GLTF = Stated("y", 1.0, "glTF")
 
@@ -121,7 +122,13 @@ def inside_out() -> trimesh.Trimesh:
     return mesh
 
 
-@pytest.mark.parametrize("scan", [sphere, stairs, table_top, without_floor, inside_out])
+def half() -> trimesh.Trimesh:
+    mesh = furnished_room.room().subdivide_to_size(0.2)
+    mesh.update_faces(mesh.triangles_center @ (1.0, 0.4, 0.0) > 0.0)
+    return mesh
+
+
+@pytest.mark.parametrize("scan", [sphere, stairs, table_top, without_floor, inside_out, half])
 def test_what_is_no_whole_room_is_asked_for_or_right(scan: object) -> None:
     mesh = scan()  # type: ignore[operator]
     for turn in furnished_room.rotations(2, 3):
@@ -131,6 +138,14 @@ def test_what_is_no_whole_room_is_asked_for_or_right(scan: object) -> None:
             assert "; give u" in str(error) and "\n" not in str(error)
         else:
             assert off(result.up, turn[:, 2]) < 5.0
+
+
+def test_half_a_room_is_told_without_a_doubt_only_by_more_confidence_than_the_whole() -> None:
+    whole, part = (
+        upright.certain(upright.candidates(sample(mesh.vertices, mesh.faces)))
+        for mesh in (furnished_room.room(), half())
+    )
+    assert whole < 0.8 < 0.99 < part
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ SURE_OF_STRIP = 0.995
 SURE_OF_WHOLE = 0.7
 """Confidence from which on a direction is believed for a closed room."""
 CERTAIN = (0.992, 0.998)
-"""Confidence from which on there is no doubt where a side of the room is missing: of an open room, and of one closed otherwise."""
+"""Confidence without a doubt where a side of the room is missing: of an open room, and of one closed otherwise."""
 FAMILIAR = 0.75
 """A direction counts if at least this much of what lies along or across the best one lies along or across it."""
 

@@ -12,7 +12,7 @@ import numpy as np
 from placement_checks import _blocked, _carried, _free
 from triangle_queries import Obstacles, spread
 
-from s2a.language.insert.wish import Relation
+from s2a.language.grammar import Relation
 from s2a.language.insert.wish_check import met
 from s2a.scene.scene import Mesh, Scene
 

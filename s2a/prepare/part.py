@@ -197,12 +197,13 @@ def selected_parts(
 
     Args:
         scene: the room.
-        targets: ids of the parts, or only "all": every part that can be prepared; of the others a warning is logged.
+        targets: ids of the parts, none in a room where nothing moves, or only "all": every part that can be prepared; of the
+            others a warning is logged.
         config: settings of each part.
         ahead: done by this process while others begin with the parts.
 
     Raises:
-        InputError: a part that is named cannot be prepared; of all parts, none can; the scene is not in metres.
+        InputError: a part that is named cannot be prepared; there are articulated parts and none can; the scene is not in metres.
     """
     refuse_other_units(scene)
     return _all(scene, config, ahead) if tuple(targets) == (ALL,) else _exactly(scene, targets, config, ahead)
@@ -222,7 +223,7 @@ def _exactly(scene: Scene, parts: Sequence[str], config: PartConfig, ahead: Ahea
 def _all(scene: Scene, config: PartConfig, ahead: Ahead | None) -> dict[str, PartResult]:
     """Return the results of all articulated parts that can be prepared; warn of the others, which are frozen."""
     parts = scene.movable
-    while True:
+    while parts:
         results = _results(scene, parts, config, ahead)
         refused = {part: result for part, result in results.items() if isinstance(result, InputError)}
         for part, error in refused.items():
@@ -233,6 +234,7 @@ def _all(scene: Scene, config: PartConfig, ahead: Ahead | None) -> dict[str, Par
             raise InputError(f"scene {scene.name!r} has no articulated part that can be prepared")
         if not refused:
             return {part: result for part, result in results.items() if isinstance(result, PartResult)}
+    return {}
 
 
 def _results(

@@ -10,13 +10,12 @@ import numpy as np
 
 from s2a import robot
 from s2a.core.bounds import NotNegative
-from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write
 from s2a.prepare.base_pose import BaseConfig
 from s2a.prepare.free_objects import FreeConfig, FreeObject, free_objects, level_tops
 from s2a.prepare.grasp import bodies, parent_body
 from s2a.prepare.mass import MassConfig, box_mass, cabinet_walls, moving_mass
-from s2a.prepare.part import ALL, PartConfig, PartResult, selected_parts
+from s2a.prepare.part import PartConfig, PartResult, selected_parts
 from s2a.prepare.part_hulls import CabinetConfig, ColliderConfig, anchor, cabinet_body, filtered_pairs
 from s2a.prepare.refine import Refined, refine, sentence, with_joints
 from s2a.prepare.refine_loss import RefineConfig
@@ -37,6 +36,8 @@ UNEVEN = 0.01
 """[m] A scanned floor may rise by so much under a robot's base."""
 BESIDE = 0.1
 """[m] From a handle, within which furniture stands that it may belong to."""
+NO_JOINTS = "nothing moves: the scan has no joints; `s2a annotate` adds drawers and doors"
+"""Note of a room without articulated parts."""
 GRAVITY = 9.81
 """[m/s^2]"""
 
@@ -82,7 +83,8 @@ class PrepareSettings:
 
     Attributes:
         stage: the geometric.usd.
-        targets: articulated parts that a robot can move: all, the id of one such as drawer_7, or several; all others are frozen.
+        targets: articulated parts that a robot can move: all, the id of one such as drawer_7, several, or none: []; all others
+            are frozen.
         free: ids of objects that lie about freely instead of being one with the room, such as [teddy_bear_12].
         out: the sim.usd to write; its visuals are written beside it.
         robot: the robot that is to move them, as panda or baxter.
@@ -105,12 +107,8 @@ def prepare_stage(settings: PrepareSettings) -> SimRoom:
     """Write the simulation-ready room of a geometric stage, its visuals beside it; return the room.
 
     Raises:
-        InputError: as `prepare`; no target is named; the stage cannot be read.
+        InputError: as `prepare`; the stage cannot be read.
     """
-    if not settings.targets:
-        raise InputError(
-            f"key 'targets' names no part; give targets={ALL}, targets=drawer_7 or targets=[drawer_6,drawer_7]"
-        )
     scene = geometric.read(settings.stage)
     refined = refine(scene, settings.refine) if settings.refine_joints else {}
     room = prepare(with_joints(scene, refined), settings.targets, settings.prepare, settings.free, settings.robot)
@@ -182,7 +180,7 @@ def prepare(
         static_visual=visual.mesh,
         static_colliders=(*_supports(extracted, tops, obstacles, config.room), *colliders),
         free={item.body.id: item.body for item in extracted},
-        notes=_notes(fixed, trimmed),
+        notes=_notes(scene, fixed, trimmed),
         static_parts=visual.parts,
         static_face_part=visual.face_part,
         reductions=visual.reductions,
@@ -196,10 +194,12 @@ def _around_loose(scene: Scene, results: Mapping[str, PartResult], static: Seque
     return {i for i, (low, high) in boxes.items() if any(((low <= p) & (p <= high)).all() for p in points)}
 
 
-def _notes(fixed: Mapping[str, SimBody], trimmed: Sequence[str]) -> tuple[str, ...]:
-    """Return in sentences what was done to the room beyond what was scanned."""
+def _notes(scene: Scene, fixed: Mapping[str, SimBody], trimmed: Sequence[str]) -> tuple[str, ...]:
+    """Return in sentences what the room lacks, and what was done to it beyond what was scanned."""
+    still = [] if scene.movable else [NO_JOINTS]
     cut = [f"cut where a part moves or a robot stands: {', '.join(trimmed)}"] if trimmed else []
     return (
+        *still,
         *cut,
         *(f"back and sides of {i} added: they were not scanned" for i, body in fixed.items() if body.completed),
     )

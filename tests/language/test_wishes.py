@@ -10,8 +10,9 @@ from any_place import any_place
 from rough_furniture import at, block, sheet
 
 from s2a.core.errors import InputError
+from s2a.language.grammar import parse_wish
 from s2a.language.insert.plan import Choice, Place, Plan
-from s2a.language.insert.wish import parse_hint, parse_wish
+from s2a.language.insert.wish import parse_hint
 from s2a.language.insert.wish_check import allowed, decline, met, planned_place, read_wish, verdict
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh, Part, Scene
@@ -64,6 +65,15 @@ LABELS = {part_id: part.label for part_id, part in room().parts.items()}
         ("visible from the desk", ["seen from"], ["desk_2"]),
         ("in sight of the desk, on the shelf", ["seen from", "on"], ["desk_2", "shelf_6"]),
         ("for people who like to sit on the desk", [], []),
+        ("on the desk next to the crate", ["on", "near"], ["desk_2", "crate_5"]),
+        ("on the desk at the left end", ["on", "left edge"], ["desk_2", "desk_2"]),
+        ("on the left end of the desk", ["left edge"], ["desk_2"]),
+        ("on the left side of the crate, on the desk", ["left", "on"], ["crate_5", "desk_2"]),
+        ("on the wall opposite the shelf", ["wall", "opposite"], ["wall_8", "shelf_6"]),
+        ("on the top of the shelf", ["top"], ["shelf_6"]),
+        ("near the lamp and the crate", ["near", "near"], ["lamp_3", "crate_5"]),
+        ("in the office area, on the desk", ["area", "on"], ["desk_2", "desk_2"]),
+        ("on the bookcase, not under the lamp", ["on", "below"], ["shelf_6", "lamp_3"]),
     ],
 )
 def test_wishes_become_relations(said: str, kinds: list[str], things: list[str]) -> None:
@@ -71,7 +81,7 @@ def test_wishes_become_relations(said: str, kinds: list[str], things: list[str])
     assert [one.kind for one in wish.relations] == kinds
     assert [ids[0] for one in wish.relations for ids in one.part_ids] == things
     assert wish.missing == ()
-    assert [one.negated for one in wish.relations] == ["not" in said and one.kind == "on" for one in wish.relations]
+    assert [one.negated for one in wish.relations] == ["not" in said and n == 1 for n in range(len(wish.relations))]
 
 
 @pytest.mark.parametrize(
@@ -90,6 +100,22 @@ def test_what_is_not_there_is_missing_and_declined_by_name(said: str, missing: s
         InputError, match=f"there is no '{missing}' in this room.*there are: floor, office desk.*wish=prefer"
     ):
         decline(wish, said, room(), understood=True)
+
+
+@pytest.mark.parametrize(
+    ("said", "unread"), [("at the left end", "at the left end"), ("on the desk, 30 cm left of the crate", "30 cm")]
+)
+def test_a_wish_of_which_a_part_is_not_read_is_declined_and_never_heeded(said: str, unread: str) -> None:
+    wish = read_wish(said, room())
+    assert wish.unread == (unread,)
+    with pytest.raises(InputError, match="the rules"):
+        decline(wish, said, room(), understood=False)
+    assert verdict(wish, said, room(), at(CUP, 1.2, 0.4, 0.745))["heeded"] is not True
+
+
+@pytest.mark.parametrize(("label", "noun"), [("trashcan", "bin"), ("dishrack", "dish rack"), ("wardrobe", "closet")])
+def test_people_name_things_otherwise_than_annotators(label: str, noun: str) -> None:
+    assert parse_wish(f"next to the {noun}", {"thing_1": label}).relations[0].part_ids == (("thing_1",),)
 
 
 def test_a_screen_is_a_monitor_and_a_sheet_of_shelves_is_not_made_up() -> None:
@@ -152,6 +178,11 @@ def test_what_the_rules_do_not_understand_they_decline() -> None:
         ("above the desk", (-1.0, 0.55, 1.4), False),
         ("under the desk", (0.8, 0.3, 0.003), True),
         ("under the desk", (0.8, -0.5, 0.003), False),
+        ("at the left end of the desk", (0.1, 0.3, 0.745), True),
+        ("at the left end of the desk", (0.9, 0.3, 0.745), False),
+        ("at the right end of the desk", (1.5, 0.3, 0.745), True),
+        ("opposite the shelf", (-1.5, -1.5, 0.003), True),
+        ("opposite the shelf", (0.8, -1.5, 0.003), False),
         ("on the wall", (0.8, 0.57, 1.4), True),
         ("on the wall", (0.8, 0.3, 0.745), False),
         ("at 1.5 m", (0.8, 0.57, 1.45), True),
@@ -219,6 +250,12 @@ def test_the_height_of_what_hangs_is_that_of_its_middle() -> None:
     assert keep is not None
     # The places are those of the foot; 0.3 m above that is the middle.
     assert keep(np.array([(0.5, 0.6, 1.2), (0.5, 0.6, 1.5)])).tolist() == [True, False]
+
+
+def test_what_is_to_be_under_a_thing_is_searched_for_there() -> None:
+    keep = allowed(read_wish("under the desk", room()), room(), CUP)
+    assert keep is not None
+    assert keep(np.array([(0.8, 0.3, 0.003), (0.8, -1.0, 0.003)])).tolist() == [True, False]
 
 
 @pytest.mark.parametrize("said", ["on the desk but not near the lamp", "on the desk, far from the lamp"])

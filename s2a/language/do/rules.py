@@ -12,6 +12,7 @@ import numpy as np
 from s2a.language.ask import Answer, Request
 from s2a.language.do.facts import Facts, RoomPart
 from s2a.language.do.plan import Skill, SkillPlan
+from s2a.language.grammar import NOUNS, is_named, names_of, unread_relation
 from s2a.tasks.base import Task
 
 HIGH = frozenset("top upper uppermost topmost highest first".split())
@@ -111,24 +112,8 @@ def _root(part: str, facts: Facts) -> str:
 
 
 ARTICLES = frozenset("the a an my your this that its some".split())
-BETWEEN_NOUNS = ("of", "in", "on", "from", "at", "under", "below", "beneath", "inside")
-UNREAD_NOUN = re.compile(
-    r"\b(next to|beside|near|behind|between|in front of|opposite|closest to|nearest to|above|over|with)\b"
-)
-SAME = (
-    ("cabinet", "cupboard"),
-    ("wardrobe", "closet"),
-    ("cup", "mug"),
-    ("sofa", "couch"),
-    ("refrigerator", "fridge"),
-    ("nightstand", "bedside table", "night stand"),
-    ("trash can", "bin", "waste bin", "dustbin"),
-    ("television", "tv"),
-    ("dresser", "chest of drawers"),
-    ("counter", "countertop", "worktop"),
-    ("bookshelf", "bookcase"),
-)
-"""Nouns that annotators and people use for one another."""
+BELONGS = ("of", "in", "on", "from", "at", "under", "below", "beneath", "inside")
+"""Relations to what a part belongs to or stands on."""
 GLUE = "~"
 """Stands for a blank within a label that holds a relation, such as "chest of drawers"."""
 
@@ -150,15 +135,15 @@ class Phrase:
 
 def phrase(words: str, labels: Iterable[str]) -> Phrase:
     """Read words for a part: "the top drawer of the desk", "the desk's top drawer"; names of several words stay whole."""
-    for label in {*labels, *(name for group in SAME for name in group)}:
+    for label in {*labels, *(name for noun in NOUNS for name in names_of(noun))}:
         if re.search(r"\sof\s|'s\s", label):
             words = words.replace(label, label.replace(" ", GLUE))
     if owner := re.fullmatch(r"(.+?)'s? (.+)", words):
         words = f"{owner[2]} of {owner[1]}"
-    if unread := UNREAD_NOUN.search(words):
-        raise Unresolved("impossible", f"the rules do not read {unread[0]!r}; name the part by its id")
+    if unread := unread_relation(words, BELONGS):
+        raise Unresolved("impossible", f"the rules do not read {unread!r}; name the part by its id")
     head, context = words, ""
-    if relation := re.search(rf"\s(?:{'|'.join(BETWEEN_NOUNS)})\s", words):
+    if relation := re.search(rf"\s(?:{'|'.join(BELONGS)})\s", words):
         head, context = words[: relation.start()], words[relation.end() :]
     tokens = [token for token in re.findall(rf"[\w'{GLUE}-]+", head) if token not in ARTICLES]
     if context.split() and set(re.findall(r"[\w-]+", context)) <= ARTICLES | POSITIONS | {"side"}:  # "on the left"
@@ -205,7 +190,7 @@ def resolve(words: str, facts: Facts, fits: Callable[[RoomPart], bool], what: st
 def _fitting_parts(noun: str, named: list[str], facts: Facts, fits: Callable[[RoomPart], bool]) -> list[str]:
     """Return the parts of furniture that fit; the one that bears its name, if there is one: the oven door of an oven."""
     parts = [i for i in facts if fits(facts[i]) and belongs(i, named, facts)]
-    nouns = _nouns(noun)
+    nouns = names_of(noun)
     return [i for i in parts if any(facts[i].label.lower().startswith(f"{n} ") for n in nouns)] or parts
 
 
@@ -232,15 +217,9 @@ def _called(noun: str, facts: Facts) -> list[str]:
     """Return the part of an id, or those whose label ends in a noun ("cabinet": a "wall cabinet"), else begins with it."""
     if noun in facts:
         return [noun]
-    nouns, labels = _nouns(noun), {i: thing.label.lower() for i, thing in facts.items()}
-    parts = [i for i, label in labels.items() if any(label == n or label.endswith(f" {n}") for n in nouns)]
+    nouns, labels = names_of(noun), {i: thing.label.lower() for i, thing in facts.items()}
+    parts = [i for i, label in labels.items() if is_named(label, nouns)]
     return parts or [i for i, label in labels.items() if any(label.startswith(f"{n} ") for n in nouns)]
-
-
-def _nouns(noun: str) -> set[str]:
-    """Return a noun, its singular, and what else people call it; nothing for no noun."""
-    singular = {noun, noun.removesuffix("s"), noun.removesuffix("es")} - {""}
-    return singular | {other for group in SAME for name in singular if name in group for other in group}
 
 
 def _labels(facts: Facts) -> set[str]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from s2a.core.errors import InputError, encodable
 from s2a.language.ask import Model, Record, Request, UsageLog, ValidationFeedback, ask, step, tokens, without_thoughts
+from s2a.language.grammar import Wish
 from s2a.language.insert import describe, prompts
 from s2a.language.insert.describe import RoomState
 from s2a.language.insert.fit import NoRoom, Pose
@@ -25,7 +26,6 @@ from s2a.language.insert.rules import write_scripts
 from s2a.language.insert.settings import Inserted, InsertSettings, ObjectRequest
 from s2a.language.insert.stability import StabilityCheck, drop_check, stable_pose
 from s2a.language.insert.stable_pose import concavities, cross_sections, tilt_margins
-from s2a.language.insert.wish import Wish
 from s2a.language.insert.wish_check import allowed, decline, objection, planned_place, read_wish, verdict
 from s2a.language.sandbox.diff import Placement, check_label
 from s2a.language.sandbox.jail import Sandbox

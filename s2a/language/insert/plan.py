@@ -9,10 +9,10 @@ from typing import Any, Literal
 
 from s2a.core.config import nearest
 from s2a.language.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
+from s2a.language.grammar import is_kind_of
 from s2a.language.insert import prompts
 from s2a.language.insert.fit import NoRoom
 from s2a.language.insert.stable_pose import AXES, sideways
-from s2a.language.insert.wish import is_kind_of
 from s2a.language.sandbox.diff import SCALE
 from s2a.scene.scene import Scene
 

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from s2a.language.ask import Answer, Request
+from s2a.language.grammar import is_kind_of
 from s2a.language.insert.plan import FLAT, Range
 from s2a.language.insert.prompts import write_script
 from s2a.language.insert.stable_pose import AXES, sideways
-from s2a.language.insert.wish import BEDDING, is_kind_of, parse_hint
+from s2a.language.insert.wish import BEDDING, parse_hint
 
 FOLDER = Path(__file__).parent
 LIKE = 0.86

@@ -12,11 +12,11 @@ from scipy.spatial import cKDTree
 
 from s2a.core.config import nearest
 from s2a.core.errors import InputError
+from s2a.language.grammar import EDGES, Relation, Wish, is_kind_of, parse_wish
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
 from s2a.language.insert.serves import front, visible_from
 from s2a.language.insert.supports import target_mesh
-from s2a.language.insert.wish import Relation, Wish, is_kind_of, parse_wish
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
@@ -24,6 +24,8 @@ from s2a.scene.usd.descriptive import silhouette
 
 BESIDE, FAR = 0.45, 0.8
 """Largest gap to what a thing is near, and least gap to what it is away from [m]."""
+AREA = 1.2
+"""Largest distance of an area's things from what is in it [m]."""
 CONTACT = 0.03
 """Largest gap to what carries a thing [m]: the noise of a scan."""
 OFF_HEIGHT = 0.1
@@ -67,6 +69,12 @@ def _holds(scene: Scene, object: Mesh, kind: str, ids: list[str]) -> bool:
         return _gap(object, meshes[0]) <= 2 * CONTACT and object.bounds[0, 2] > floor_height(scene) + 0.2
     if kind == "against":
         return _gap(object, meshes[0]) <= 2 * CONTACT
+    if kind == "area":
+        return _box_gap(object, meshes[0]) <= AREA
+    if kind == "opposite":
+        return _opposite(viewer(scene, ids[0]), object, meshes[0])
+    if kind == "below" and not _covered(object, meshes[0]):
+        return False
     if kind == "seen from":
         return _seen_from(scene, object, ids[0], meshes[0])
     if kind in ("top", "bottom"):
@@ -98,13 +106,35 @@ def placed(toward: np.ndarray, object: Mesh, mesh: Mesh, kind: str) -> bool:
         return bool(upper <= top + 0.01 and (0.0 <= fraction).all() and (fraction <= 1.0).all())
     if not ((fraction >= -0.05).all() and (fraction <= 1.05).all()):
         return False
-    if kind == "back edge":
-        return bool(fraction[1] <= 0.35 or first[1] - low[1] <= 0.1)
-    if kind == "front edge":
-        return bool(fraction[1] >= 0.65 or high[1] - last[1] <= 0.1)
+    if kind in EDGES:
+        axis = 0 if kind in ("left edge", "right edge") else 1
+        from_low, from_high = (first - low)[axis], (high - last)[axis]
+        lower = kind in ("left edge", "back edge")
+        in_third = fraction[axis] <= 0.35 if lower else fraction[axis] >= 0.65
+        return bool(in_third or (from_low if lower else from_high) <= 0.1)
     if kind == "corner":
         return bool((np.minimum(first - low, high - last) <= np.maximum(0.15 * size, 0.1)).all())
     return bool((np.abs(fraction - 0.5) <= np.maximum(0.17, 0.1 / size)).all())
+
+
+def _opposite(toward: np.ndarray, object: Mesh, mesh: Mesh) -> bool:
+    """Return True if an object is before a thing that faces a direction [2], at a distance, and within its width or near that."""
+    axes = np.stack([(-toward[1], toward[0]), toward], axis=1)
+    own, its = object.bounds.mean(axis=0)[:2] @ axes, mesh.vertices[:, :2] @ axes
+    low, high = its.min(axis=0), its.max(axis=0)
+    return bool(own[1] >= high[1] + FAR and low[0] - 0.3 <= own[0] <= high[0] + 0.3)
+
+
+def _covered(object: Mesh, mesh: Mesh) -> bool:
+    """Return True if a thing is over most of an object, seen along rays upwards."""
+    low, high = object.bounds.astype(float)
+    grid = np.array([(x, y) for x in (0.2, 0.5, 0.8) for y in (0.2, 0.5, 0.8)])
+    start = np.column_stack([low[:2] + grid * (high - low)[:2], np.full(9, high[2])])
+    reach = float(mesh.bounds[1, 2]) - high[2] + 0.01
+    if reach <= 0.01:
+        return False
+    seen, _ = visible_distance(kept_ray_mesh(mesh), start, np.array([0.0, 0.0, 1.0]), reach)
+    return bool((seen < 0.999 * reach).mean() > 0.5)
 
 
 def between(object: Mesh, one: Mesh, other: Mesh) -> bool:
@@ -206,7 +236,7 @@ def _extreme(object: Mesh, mesh: Mesh, top: bool) -> bool:
     return len(levels) <= 1
 
 
-SIDED = ("left", "right", "front", "behind", "above", "back edge", "front edge", "corner", "middle")
+SIDED = ("left", "right", "front", "behind", "above", "below", "opposite", *EDGES, "corner", "middle")
 LEVEL, REACH = ("near", "left", "right", "front", "behind", "between"), 1.9
 """Relations to what stands or hangs at about the same height, and the lowest underside that is out of reach [m]."""
 NAMED = 12
@@ -230,7 +260,7 @@ def read_wish(text: str, scene: Scene) -> Wish:
             relations.append(replace(one, part_ids=ids) if one.kind in LEVEL else one)
         elif not one.negated:
             missing.append(scene.parts[next(some for some in one.part_ids if some)[0]].label)
-    return Wish(tuple(relations), tuple(dict.fromkeys(missing)))
+    return Wish(tuple(relations), tuple(dict.fromkeys(missing)), wish.unread)
 
 
 def planned_place(plan: Plan) -> Wish:
@@ -251,6 +281,11 @@ def decline(wish: Wish, text: str, scene: Scene, understood: bool) -> None:
         scene: the room.
         understood: True if a model reads the wish, too.
     """
+    if wish.unread and wish.relations and not (wish.missing or understood):
+        raise InputError(
+            f"prompt {text[:80]!r}: the rules do not read {wish.unread[0]!r} there; say it as 'at the left end of the couch', "
+            "ask a model (llm=chat), or give wish=prefer to have it passed over"
+        )
     if text and not (wish.relations or wish.missing or understood):
         raise InputError(
             f"prompt {text[:80]!r}: the rules know relations to things of the room, such as 'on the desk', 'left of the bed', "
@@ -273,10 +308,14 @@ def objection(wish: Wish, scene: Scene, object: Mesh) -> str:
 
 
 def verdict(wish: Wish, text: str, scene: Scene, object: Mesh) -> dict[str, Any]:
-    """Return for the record which relations of a wish hold; `heeded` is None where nothing of it was understood."""
+    """Return for the record which relations of a wish hold.
+
+    `heeded` is None where nothing of it was understood, and where what was understood holds and the rest was not.
+    """
     relations = [{"relation": one.kind, "words": one.words, "met": met(scene, object, one)} for one in wish.relations]
     heeded = all(one["met"] for one in relations) and not wish.missing if relations or wish.missing else None
-    return {"wish": text, "heeded": heeded, "relations": relations, "missing": list(wish.missing)}
+    record = {"wish": text, "relations": relations, "missing": list(wish.missing), "unread": list(wish.unread)}
+    return {**record, "heeded": None if heeded and wish.unread else heeded}
 
 
 def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np.ndarray] | None:
@@ -290,7 +329,7 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
     sided = [
         one
         for one in wish.relations
-        if one.kind in (("near",) if one.negated else (*SIDED, "between", "near", "height", "away"))
+        if one.kind in (("near",) if one.negated else (*SIDED, "between", "near", "height", "away", "area"))
     ]
     if not sided:
         return None
@@ -315,8 +354,11 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
                 holds = abs(brick.bounds[:, 2].mean() - floor - float(one.height or 0.0)) < OFF_HEIGHT
             elif one.negated or one.kind == "away":
                 holds = all(_box_gap(brick, outlines[i]) > (BESIDE if one.negated else FAR) for i in one.part_ids[0])
-            elif one.kind == "near":
-                holds = any(_box_gap(brick, outlines[i]) < 0.4 for i in one.part_ids[0])
+            elif one.kind in ("near", "area"):
+                gap = 0.4 if one.kind == "near" else AREA
+                holds = any(_box_gap(brick, outlines[i]) < gap for i in one.part_ids[0])
+            elif one.kind == "opposite":
+                holds = any(_opposite(seen[i], brick, outlines[i]) for i in one.part_ids[0])
             else:
                 holds = any(placed(seen[i], brick, outlines[i], one.kind) for i in one.part_ids[0])
             if not holds:

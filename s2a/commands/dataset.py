@@ -32,7 +32,8 @@ from s2a.core.workers import apart
 from s2a.learn.evaluate import run_episodes
 from s2a.motion.policy import Planner
 from s2a.motion.trajectory import Demonstration, PlannerConfig
-from s2a.prepare.room import ALL, PrepareConfig, prepare
+from s2a.prepare.part import ALL
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.robot import Robot
 from s2a.scan import folder, imported, labelled_boxes, recording_formats, registry
 from s2a.scan.evidence import Bounds, annotation

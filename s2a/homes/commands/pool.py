@@ -26,7 +26,8 @@ from s2a.homes.scanner import ScannerConfig
 from s2a.learn.perception import depth_camera as cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
 from s2a.motion.trajectory import PlannerConfig
-from s2a.prepare.room import ALL, PrepareConfig, prepare
+from s2a.prepare.part import ALL
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.robot import Robot
 from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import SimConfig

@@ -34,11 +34,11 @@ NOUNS = {
 }  # fmt: skip
 """Synonyms and kinds of each noun."""
 AREAS = {
-    "kitchen": "stove|refrigerator|counter|dishwasher|toaster|microwave",
+    "kitchen": "stove|oven|refrigerator|fridge|counter|base cabinet|dishwasher|toaster|microwave",
     "bathroom": "toilet|bathtub|shower|washbasin",
     "bedroom": "bed|nightstand|wardrobe",
     "office": "desk|monitor|keyboard",
-    "living room": "sofa|armchair|coffee table|tv|tv stand",
+    "living room": "sofa|couch|armchair|coffee table|tv|tv stand",
     "dining room": "dining table",
 }
 """What stands in each area of a home."""
@@ -53,7 +53,7 @@ PHRASES: dict[str, tuple[str, ...]] = {
     **{side: (f"to|on|_ the|_ {side} hand|_ of", f"to|on the {side} hand side of") for side in ("left", "right")},
     "between": ("in|_ between",), "front": ("in front of", "before"), "behind": ("behind", "in back of"),
     "above": ("above", "over"), "below": ("below", "beneath", "under", "underneath"),
-    "opposite": ("opposite to|of|_", "across from", "facing"),
+    "opposite": ("opposite to|of|_", "across from"),
     "corner": ("in|at|on the|a|one corner of|_",),
     "middle": ("in|at|on the very|_ middle|centre|center of|_",),
     "top": ("on the top|upper|highest|uppermost|topmost shelf|board|compartment|level of|_", "on|onto the|_ top of", "atop"),
@@ -96,7 +96,7 @@ AFTER = frozenset(
 """Words after a name with which something else begins."""
 SPATIAL = frozenset(
     "left right end edge side corner middle centre center under beneath below behind between beside opposite above front "
-    "inside".split()
+    "inside facing".split()
 )
 """Words that no reading of a wish may pass over."""
 UNITS = {"m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "cm": 0.01}
@@ -155,6 +155,18 @@ def is_named(label: str, names: Iterable[str]) -> bool:
 def is_kind_of(label: str, noun: str) -> bool:
     """Return True if a label names this kind of object."""
     return is_named(label, (noun, *NOUNS.get(noun, noun).split("|")))
+
+
+def area_of(name: str) -> str | None:
+    """Return the area of a home that a name means: "kitchen corner"; None for another name."""
+    area = name.removesuffix(" area").removesuffix(" corner")
+    return area if area in AREAS else None
+
+
+def landmarks(labels: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the ids of what stands in some area of a home."""
+    nouns = [noun for nouns in AREAS.values() for noun in nouns.split("|")]
+    return tuple(i for i, label in labels.items() if is_named(label, nouns))
 
 
 def relation_at(words: list[str], at: int) -> tuple[str, int] | None:
@@ -245,17 +257,9 @@ class _Parser:
     def _height(self, height: float, length: int) -> None:
         words = " ".join(self.words[self.at : self.at + length])
         self.at += length
-        if [self._peek(0), self._peek(1), self._peek(2)] in (["above", "the", "floor"], ["above", "the", "ground"]):
+        if self.words[self.at : self.at + 3] in (["above", "the", "floor"], ["above", "the", "ground"]):
             self.at += 3
-        if relation_at(self.words, self.at) and self._peek(0) in (
-            "left",
-            "right",
-            "from",
-            "behind",
-            "to",
-            "in",
-            "above",
-        ):
+        if relation_at(self.words, self.at) and self._peek(0) in "left right from behind to in above".split():
             self.unread.append(words)
             return
         self.relations.insert(0, Relation("height", (), words, height))
@@ -277,7 +281,7 @@ class _Parser:
         anaphor = kind in ON_CARRIER and phrase[-1] != "of"
         shelf = kind in ("top", "bottom") and phrase[-1] not in ("of", "atop")
         if anaphor or shelf:
-            ids = self._ids(("shelf",)) if shelf else ()
+            ids = self._ids(names_of("shelf")) if shelf else ()
             self.missing += ["shelf"] if shelf and not ids else []
             self.relations += (
                 [Relation(kind, (ids,) if ids else (), " ".join(phrase), None, negated)] if ids or anaphor else []
@@ -296,14 +300,16 @@ class _Parser:
                 words = f"{' '.join(phrase)} {named[0][0]} and {named[1][0]}"
                 self.relations.append(Relation(kind, tuple(ids for _, ids in named), words, None, negated))
             self.unread += ["between"] if len(named) == 1 and named[0][1] else []
-        for name, ids in named if kind != "between" else ():
-            if ids:
+        for name, ids in named:
+            if ids and kind != "between":
                 self.relations.append(self._relation(kind, name, ids, f"{' '.join(phrase)} {name}", negated))
-        if not negated and kind != "away":
-            self.missing += [name for name, ids in named if not ids]
+            elif not ids and area_of(name):
+                self.unread.append(f"{' '.join(phrase)} {name}")
+            elif not (ids or negated or kind == "away"):
+                self.missing.append(name)
 
     def _relation(self, kind: str, name: str, ids: tuple[str, ...], words: str, negated: bool) -> Relation:
-        if name.removesuffix(" area").removesuffix(" corner") in AREAS and not self._ids((name,)):
+        if area_of(name) and not self._ids((name,)):
             return Relation("area", (ids,), words, None, negated)
         on_wall = kind in ("on", "in") and self.labels[ids[0]].lower().endswith("wall")
         return Relation("wall" if on_wall else kind, (ids,), words, None, negated)
@@ -329,14 +335,13 @@ class _Parser:
             itertools.takewhile(lambda word: word not in AFTER and not word.endswith("ly"), words[1:])
         )
         name = " ".join(words)
-        area = name.removesuffix(" area").removesuffix(" corner")
         for first in range(len(words)):
             ending = " ".join(words[first:])
             exact = tuple(i for i, label in self.labels.items() if ending in (i.lower(), label.lower()))
             if ids := exact or self._ids(names_of(ending)):
                 self.at += len(words)
                 return name, ids
-        if area in AREAS and kind in ("in", "near", "on"):
+        if (area := area_of(name)) and kind in ("in", "near", "on"):
             self.at += len(words)
             return name, self._ids(AREAS[area].split("|"))
         if not words or not article or words[0] in NOWHERE:

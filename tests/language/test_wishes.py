@@ -103,7 +103,13 @@ def test_what_is_not_there_is_missing_and_declined_by_name(said: str, missing: s
 
 
 @pytest.mark.parametrize(
-    ("said", "unread"), [("at the left end", "at the left end"), ("on the desk, 30 cm left of the crate", "30 cm")]
+    ("said", "unread"),
+    [
+        ("at the left end", "at the left end"),
+        ("on the desk, 30 cm left of the crate", "30 cm"),
+        ("on the desk in the kitchen", "in kitchen"),
+        ("on the desk facing the shelf", "facing"),
+    ],
 )
 def test_a_wish_of_which_a_part_is_not_read_is_declined_and_never_heeded(said: str, unread: str) -> None:
     wish = read_wish(said, room())
@@ -111,6 +117,17 @@ def test_a_wish_of_which_a_part_is_not_read_is_declined_and_never_heeded(said: s
     with pytest.raises(InputError, match="the rules"):
         decline(wish, said, room(), understood=False)
     assert verdict(wish, said, room(), at(CUP, 1.2, 0.4, 0.745))["heeded"] is not True
+
+
+def test_an_object_is_in_the_area_whose_things_are_nearest() -> None:
+    stove = Part("stove", at(block(0.6, 0.6, 0.9), 2.6, -0.3, 0.0))
+    scene = replace(room(), parts=room().parts | {"stove_20": stove})
+    relation = read_wish("on the floor, in the kitchen", scene).relations[1]
+    assert relation.kind == "area" and relation.part_ids == (("stove_20",),)
+    only = replace(scene, parts={i: part for i, part in scene.parts.items() if i not in ("desk_2", "keyboard_4")})
+    for x, beside_the_desk, alone in ((2.6, True, True), (0.5, False, True)):
+        cup = at(CUP, x, -1.0, 0.003)
+        assert (met(scene, cup, relation), met(only, cup, relation)) == (beside_the_desk, alone)
 
 
 @pytest.mark.parametrize(("label", "noun"), [("trashcan", "bin"), ("dishrack", "dish rack"), ("wardrobe", "closet")])

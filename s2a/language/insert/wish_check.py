@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from s2a.core.config import nearest
 from s2a.core.errors import InputError
-from s2a.language.grammar import EDGES, Relation, Wish, is_kind_of, parse_wish
+from s2a.language.grammar import EDGES, Relation, Wish, is_kind_of, landmarks, parse_wish
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
 from s2a.language.insert.serves import front, visible_from
@@ -25,7 +25,7 @@ from s2a.scene.usd.descriptive import silhouette
 BESIDE, FAR = 0.45, 0.8
 """Largest gap to what a thing is near, and least gap to what it is away from [m]."""
 AREA = 1.2
-"""Largest distance of an area's things from what is in it [m]."""
+"""Distance to an area's things [m], up to which an object is in it although those of another area are nearer."""
 CONTACT = 0.03
 """Largest gap to what carries a thing [m]: the noise of a scan."""
 OFF_HEIGHT = 0.1
@@ -50,6 +50,9 @@ def met(scene: Scene, object: Mesh, relation: Relation) -> bool:
     if relation.kind == "height":
         middle = float(object.bounds[:, 2].mean()) - floor_height(scene)
         return abs(middle - float(relation.height or 0.0)) <= OFF_HEIGHT
+    if relation.kind == "area":
+        boxes = {i: target_mesh(scene, i) for i in {*relation.part_ids[0], *_landmarks(scene)}}
+        return _in_area(object, relation.part_ids[0], boxes) != relation.negated
     holds = any(_holds(scene, object, relation.kind, list(ids)) for ids in product(*relation.part_ids))
     return holds != relation.negated
 
@@ -69,8 +72,6 @@ def _holds(scene: Scene, object: Mesh, kind: str, ids: list[str]) -> bool:
         return _gap(object, meshes[0]) <= 2 * CONTACT and object.bounds[0, 2] > floor_height(scene) + 0.2
     if kind == "against":
         return _gap(object, meshes[0]) <= 2 * CONTACT
-    if kind == "area":
-        return _box_gap(object, meshes[0]) <= AREA
     if kind == "opposite":
         return _opposite(viewer(scene, ids[0]), object, meshes[0])
     if kind == "below" and not _covered(object, meshes[0]):
@@ -123,6 +124,18 @@ def _opposite(toward: np.ndarray, object: Mesh, mesh: Mesh) -> bool:
     own, its = object.bounds.mean(axis=0)[:2] @ axes, mesh.vertices[:, :2] @ axes
     low, high = its.min(axis=0), its.max(axis=0)
     return bool(own[1] >= high[1] + FAR and low[0] - 0.3 <= own[0] <= high[0] + 0.3)
+
+
+def _landmarks(scene: Scene) -> tuple[str, ...]:
+    return landmarks({i: part.label for i, part in scene.parts.items() if len(part.mesh.faces)})
+
+
+def _in_area(object: Mesh, own: Sequence[str], meshes: Mapping[str, Mesh]) -> bool:
+    """Return True if an object is near an area's own things, or no thing of another area is nearer."""
+    nearest_own = min(_box_gap(object, meshes[i]) for i in own)
+    return nearest_own <= AREA or all(
+        _box_gap(object, mesh) >= nearest_own for i, mesh in meshes.items() if i not in own
+    )
 
 
 def _covered(object: Mesh, mesh: Mesh) -> bool:
@@ -338,6 +351,8 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
     floor = floor_height(scene)
     outlines = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.part_ids for i in ids}
     seen = {i: viewer(scene, i) for i in outlines}
+    areas = any(one.kind == "area" for one in sided)
+    marks = {i: outlines[i] if i in outlines else _outline(target_mesh(scene, i)) for i in _landmarks(scene) if areas}
 
     standing = box(np.array([0.0, 0.0, sides[2] / 2]), np.eye(3), np.array([min(sides[:2])] * 2 + [sides[2]]))
 
@@ -354,9 +369,10 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
                 holds = abs(brick.bounds[:, 2].mean() - floor - float(one.height or 0.0)) < OFF_HEIGHT
             elif one.negated or one.kind == "away":
                 holds = all(_box_gap(brick, outlines[i]) > (BESIDE if one.negated else FAR) for i in one.part_ids[0])
-            elif one.kind in ("near", "area"):
-                gap = 0.4 if one.kind == "near" else AREA
-                holds = any(_box_gap(brick, outlines[i]) < gap for i in one.part_ids[0])
+            elif one.kind == "near":
+                holds = any(_box_gap(brick, outlines[i]) < 0.4 for i in one.part_ids[0])
+            elif one.kind == "area":
+                holds = _in_area(brick, one.part_ids[0], marks)
             elif one.kind == "opposite":
                 holds = any(_opposite(seen[i], brick, outlines[i]) for i in one.part_ids[0])
             else:

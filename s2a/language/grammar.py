@@ -71,7 +71,7 @@ TABLE = {
     for words in itertools.product(*(step.split("|") for step in phrase.split()))
 }
 """Kind of relation by the words of a phrase; of equal phrases the kind that comes first in PHRASES."""
-LONGEST = max(map(len, TABLE))
+MAX_WORDS = max(map(len, TABLE))
 EDGES = {"left edge": "left", "right edge": "right", "front edge": "front", "back edge": "behind"}
 """Ends of what carries an object; they mean beside a thing that does not."""
 ON_CARRIER = (*EDGES, "corner", "middle")
@@ -171,7 +171,7 @@ def landmarks(labels: Mapping[str, str]) -> tuple[str, ...]:
 
 def relation_at(words: list[str], at: int) -> tuple[str, int] | None:
     """Return the kind and length of the longest relation that begins at a word; None if there is none."""
-    for length in range(min(LONGEST, len(words) - at), 0, -1):
+    for length in range(min(MAX_WORDS, len(words) - at), 0, -1):
         kind = TABLE.get(tuple(words[at : at + length]))
         if kind:
             return kind, length

@@ -106,6 +106,7 @@ DOCS = (
 ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "s2a/language/do/plan.py": (("refusal",), "a field of the model's answers, which are recorded word for word"),
     "s2a/language/insert/plan.py": (("longest",), "a field of the model's answers, which are recorded word for word"),
+    "s2a/language/grammar.py": (("wish",), "the command line's own word: wish=prefer"),
     "s2a/language/insert/pipeline.py": (("wish",), "the command line's own word: wish=prefer"),
     "s2a/language/insert/settings.py": (("wish",), "the command line's own word: wish=prefer"),
     "s2a/language/insert/wish_check.py": (("wish",), "the command line's own word: wish=prefer"),

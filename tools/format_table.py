@@ -1,4 +1,4 @@
-"""Write the table of formats in docs/own_scan.md from the list that the tests read: `python tools/format_table.py`."""
+"""Write the lists of formats in docs/own_scan.md from the list that the tests read: `python tools/format_table.py`."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ BEGIN, END = "<!-- formats: begin -->\n", "<!-- formats: end -->\n"
 
 
 def main() -> None:
-    """Replace what stands between the marks."""
+    """Replace the text between the marks."""
     sys.path.insert(0, str(ROOT / "tests" / "support"))
-    from mesh_features import table
+    from mesh_features import FEATURES, table
+    from mesh_variants import VARIANTS
 
     page = ROOT / "docs" / "own_scan.md"
     before, _, rest = page.read_text().partition(BEGIN)
-    page.write_text(before + BEGIN + table() + END + rest.partition(END)[2])
+    page.write_text(before + BEGIN + table(FEATURES + VARIANTS) + END + rest.partition(END)[2])
 
 
 if __name__ == "__main__":

@@ -72,7 +72,7 @@ def test_damaged_files_are_read_or_refused_but_never_crash(format: str, seed: in
             assert "\n" not in str(error) and path.name in str(error)
 
 
-def test_the_table_in_the_docs_is_the_one_that_was_tested() -> None:
+def test_the_lists_in_the_docs_are_those_that_were_tested() -> None:
     assert DOCS.read_text().partition(BEGIN)[2].partition(END)[0] == table(FILES)
 
 

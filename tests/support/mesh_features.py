@@ -1002,13 +1002,18 @@ FEATURES = _features()
 
 
 def table(features: list[Feature]) -> str:
-    """Return the table of docs/own_scan.md: for each feature what each format's reader does with it."""
+    """Return the lists of docs/own_scan.md: features that any reader warns of or refuses, a row each; the others by their formats."""
     formats = ("glTF", "OBJ", "PLY", "USD")
-    lines = [f"| | {' | '.join(formats)} |", "|---|" + "---|" * len(formats)]
+    rows, others = [f"| | {' | '.join(formats)} |", "|---|" + "---|" * len(formats)], []
     for group in (COLORS, TEXTURES, GEOMETRY, STAGES, NAMES):
-        lines.append(f"| **{group}** |" + " |" * len(formats))
+        read: dict[str, list[str]] = {}
         for name in dict.fromkeys(each.name for each in features if each.group == group):
             mine = [each for each in features if (each.group, each.name) == (group, name)]
             cells = [dict.fromkeys(each.status for each in mine if each.format == format) for format in formats]
-            lines.append(f"| {name} | " + " | ".join(", ".join(cell) for cell in cells) + " |")
-    return "\n".join(lines) + "\n"
+            if any(set(cell) - {"read"} for cell in cells):
+                rows.append(f"| {name} | " + " | ".join(", ".join(cell) for cell in cells) + " |")
+            else:
+                columns = [format for format, cell in zip(formats, cells, strict=True) if cell]
+                read.setdefault("all" if len(columns) == len(formats) else ", ".join(columns), []).append(name)
+        others += ["", f"Read, {group}:", "", *(f"- {columns}: {'; '.join(names)}" for columns, names in read.items())]
+    return "\n".join([*rows, *others]) + "\n"

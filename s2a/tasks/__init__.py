@@ -101,22 +101,15 @@ def read_stages(
 
 
 def make(
-    name: str,
-    room: str | Path,
-    part: str | None = None,
-    num_envs: int = 1024,
-    device: str = "auto",
-    seed: int = 0,
-    overrides: Sequence[str] = (),
-    numpy: bool = False,
+    name: str, room: Path, part: str | None, num_envs: int, device: str, seed: int, overrides: Sequence[str], numpy: bool
 ) -> TaskVectorEnv:
-    """Return a task in worlds of a simulation-ready room, or of the parts of many; arguments as of `s2a.api.make`."""
+    """Return a task in worlds of a simulation-ready room, or of the parts of many; arguments are those of `s2a.api.make`."""
     kind = task(name)
     values = config.compose("train", [f"task={name}", "stage=-", "out=-", *overrides])
     mdp = config.load(kind.Config, values["task"])
     metrics: Any = config.load(kind.Metrics, values["metrics"])
     is_named = any(each.startswith("robot=") for each in overrides)  # else the one that the room was prepared for
     motion, robot = config.load(PlannerConfig, values["planner"]), values["robot"] if is_named else None
-    stages = read_stages(kind, Path(room), part, robot, (), mdp, motion)
+    stages = read_stages(kind, room, part, robot, (), mdp, motion)
     sim = Simulation(stages, config.load(SimConfig, values["sim"]), num_envs, device_of(device))
     return TaskVectorEnv(make_env(sim, mdp, metrics, values["reward"], seed, final_observation=True), numpy)

@@ -101,7 +101,14 @@ def read_stages(
 
 
 def make(
-    name: str, room: Path, part: str | None, num_envs: int, device: str, seed: int, overrides: Sequence[str], numpy: bool
+    name: str,
+    room: Path,
+    part: str | None,
+    num_envs: int,
+    device: str,
+    seed: int,
+    overrides: Sequence[str],
+    numpy: bool,
 ) -> TaskVectorEnv:
     """Return a task in worlds of a simulation-ready room, or of the parts of many; arguments are those of `s2a.api.make`."""
     kind = task(name)

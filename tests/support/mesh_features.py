@@ -1002,7 +1002,7 @@ FEATURES = _features()
 
 
 def table(features: list[Feature]) -> str:
-    """Return the lists of docs/own_scan.md: features that any reader warns of or refuses, a row each; the others by their formats."""
+    """Return the lists of docs/own_scan.md: a row for each feature that a reader warns of or refuses; the others by format."""
     formats = ("glTF", "OBJ", "PLY", "USD")
     rows, others = [f"| | {' | '.join(formats)} |", "|---|" + "---|" * len(formats)], []
     for group in (COLORS, TEXTURES, GEOMETRY, STAGES, NAMES):

@@ -19,7 +19,7 @@ from s2a.robot.spec import RobotSpec
 from s2a.scan.evidence import Bounds
 from s2a.scan.evidence.annotation import moving_part, room_checks
 from s2a.scan.evidence.front import Front, front
-from s2a.scan.evidence.surface import FloorConfig, ScanSurface, floor_fraction
+from s2a.scan.evidence.surface import HOLE_REACH, SIDES, FloorConfig, ScanSurface, floor_support
 from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals, sample, sample_with_faces
 from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
 from s2a.scene.scene import Joint, Mesh, Part, Scene
@@ -144,7 +144,6 @@ def robot_base(
     reach = robot.base.reach + robot.tool_offset[2]
     if away > reach:
         problems.append((path, f"the grasp point is {away:.2f} m from the shoulder, the arm reaches {reach:.2f} m"))
-    floor = floor_fraction(place, base.pedestal, base.radius, surface, config.floor.tolerance)
     hit = obstacle(place, base, surface, config)
     if np.isfinite(hit):
         problems.append(
@@ -152,11 +151,23 @@ def robot_base(
         )
     return [
         no_problems("base_pose", problems, "let prepare search another place, or correct the joint", prim=path),
-        at_most(
-            "base_on_floor", 1.0 - floor, 1.0 - config.floor.min_fraction, "", prim=path,
-            message="of the footprint has no scanned floor below", remedy="stand where the floor was scanned; " + PREPARE_AGAIN,
-        ),
-    ]  # fmt: skip
+        _on_floor(path, base, surface, config.floor),
+    ]
+
+
+def _on_floor(path: str, base: Base, surface: RayMesh, config: FloorConfig) -> Check:
+    """Ask for the floor below a base; where the scan has a mere hole it is a measurement without a bound."""
+    floor = floor_support(np.array(base.position), base.pedestal, base.radius, surface, config)
+    message = "of the footprint has no scanned floor below"
+    if floor.assumed:
+        message += (
+            f"; it is assumed: floor at this height is seen on {floor.sides} of {SIDES} sides within {HOLE_REACH:g} m"
+        )
+        remedy = "make sure that no step and no stairs are there"
+        return Check("base_on_floor", "info", 1.0 - floor.fraction, prim=path, message=message, remedy=remedy)
+    remedy = "stand where the floor was scanned; " + PREPARE_AGAIN
+    bound = 1.0 - config.min_fraction
+    return at_most("base_on_floor", 1.0 - floor.fraction, bound, prim=path, message=message, remedy=remedy)
 
 
 def obstacle(place: np.ndarray, base: Base, surface: RayMesh, config: BaseCheckConfig) -> float:

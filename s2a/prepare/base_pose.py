@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -19,7 +19,7 @@ from s2a.prepare.grasp import floor_height, floor_points, heading, lowest_point
 from s2a.robot.collision import SLACK, Penetration, RobotShape, robot_shape
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import HALF_TURN, opening_coordinate, part_path, straight
-from s2a.scan.evidence.surface import FloorConfig, floor_fraction
+from s2a.scan.evidence.surface import FloorConfig, FloorSupport, floor_support
 from s2a.scene.geometry.convex import column, overlap
 from s2a.scene.scene import Mesh, Scene, Vec3
 from s2a.scene.usd.sim_scene import Grasp, Quat
@@ -32,6 +32,7 @@ MAX_REACH_TIME = 2.0
 """[s] In which every joint, at full speed, has to turn from home to the path: an episode has to have time for the rest."""
 TRIED = 8
 """Number of joint paths that are checked: those that begin nearest to home."""
+ASSUMED_FLOOR = "the scan has a hole there, amid floor at this height; make sure that no step and no stairs are there"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +75,7 @@ class BasePose:
         reason: why there, in words.
         pedestal: height of what it stands on above the floor [m].
         free: the arm reaches the whole path without a collision.
+        assumed_floor: the floor below was not scanned, but around it.
     """
 
     position: Vec3
@@ -81,6 +83,7 @@ class BasePose:
     reason: str
     pedestal: float
     free: bool
+    assumed_floor: bool
 
 
 def find_base(
@@ -95,7 +98,7 @@ def find_base(
     """Return where the robot stands to open a part.
 
     Inverse kinematics take most of the time: they are asked for many places at once, and for none where the robot starts in
-    something.
+    something. Places whose floor is assumed are tried where none on scanned floor is free.
 
     Args:
         scene: the room.
@@ -120,9 +123,11 @@ def find_base(
         return Follow("", 2, poses, surroundings.meets, seeds, tried=TRIED, clear=1, reach_time=MAX_REACH_TIME)
 
     waiting: set[Stand] = set()
-    for some in _groups(ground.places(), ground, surroundings, poses[0], search, follow, waiting):
-        for k, _ in search.followed(some, follow(some)):
-            return _chosen(some[k], _praise(some[k], preferred, search), True)
+    for assumed in (False, True):
+        facings = partial(ground.facings, search=search, assumed=assumed)
+        for some in _groups(ground.places(), facings, surroundings, poses[0], search, follow, waiting):
+            for k, _ in search.followed(some, follow(some)):
+                return _chosen(some[k], _praise(some[k], preferred, search), True, assumed)
     order = sorted(search.misses.of.values(), key=lambda miss: miss.depth)
     for start in range(0, len(order), CHUNK):
         stands = [miss.stand for miss in order[start : start + CHUNK] if miss.stand is not None]
@@ -130,13 +135,18 @@ def find_base(
         reach = dict(zip(unknown, search.paths(unknown, follow(unknown)), strict=True)) if unknown else {}
         for stand in stands:
             if stand not in reach or len(reach[stand]):
-                return _chosen(stand, f"{stand}, though {search.misses.of[stand].text}; no place is free", False)
+                return _chosen(
+                    stand,
+                    f"{stand}, though {search.misses.of[stand].text}; no place is free",
+                    False,
+                    ground.floor(stand).assumed,
+                )
     raise AssertionError("the preferred place was tried to the end")
 
 
 def _groups(
     places: Iterator[Stand],
-    ground: Ground,
+    facings: Callable[[Stand], Iterator[Stand]],
     surroundings: ScannedSurfaces,
     first: np.ndarray,
     search: Search,
@@ -151,7 +161,7 @@ def _groups(
     hopeful: list[list[Stand]] = []
     for number, place in enumerate(places):
         starting = []
-        for stand in ground.facings(place, search):
+        for stand in facings(place):
             depth, problem = surroundings.start(stand, first)
             if depth <= SLACK:
                 starting.append(stand)
@@ -181,10 +191,12 @@ def _praise(stand: Stand, preferred: Stand, search: Search) -> str:
     return f"{stand}; the arm reaches the whole path, start and path are free{instead}"
 
 
-def _chosen(stand: Stand, reason: str, free: bool) -> BasePose:
+def _chosen(stand: Stand, reason: str, free: bool, assumed_floor: bool) -> BasePose:
     x, y, z = map(float, stand.base[:3, 3])
     half = math.atan2(stand.base[1, 0], stand.base[0, 0]) / 2
-    return BasePose((x, y, z), (0.0, 0.0, math.sin(half), math.cos(half)), reason, stand.pedestal, free)
+    if assumed_floor:
+        reason += "; the floor there is assumed"
+    return BasePose((x, y, z), (0.0, 0.0, math.sin(half), math.cos(half)), reason, stand.pedestal, free, assumed_floor)
 
 
 @dataclass(frozen=True)
@@ -286,10 +298,14 @@ class Ground:
             pose[:3, 3] = [*position, floor_height(self._floor, position) + pedestal]
             yield Stand(pose, pedestal, words=_in_words(distance, side, pedestal))
 
-    def facings(self, place: Stand, search: Search) -> Iterator[Stand]:
-        """Yield bases at a place, facing the handle or turned past it, at which the robot can stand; what fails is noted."""
-        if (problem := self._taken(place)) is not None:
-            search.misses.note(Miss(0, STUCK, problem, place))
+    def facings(self, place: Stand, search: Search, *, assumed: bool) -> Iterator[Stand]:
+        """Yield bases at a place, facing the handle or turned past it, at which the robot can stand; what fails is noted.
+
+        Those on scanned floor, or those whose floor is `assumed`, of which nothing is noted: the others were before.
+        """
+        if (problem := self._taken(place, assumed)) is not None:
+            if not assumed:
+                search.misses.note(Miss(0, STUCK, problem, place))
             return
         for turn in self._config.turns if self._config.search else self._config.turns[:1]:
             base = turned(place.base, turn, self._shoulder)
@@ -297,12 +313,12 @@ class Ground:
             stand = Stand(base, place.pedestal, turn, place.base, words)
             # The foot of a robot whose arm is not on its axis moves when the robot turns about its shoulder.
             moves = not np.allclose(base[:3, 3], place.base[:3, 3])
-            if moves and (problem := self._taken(stand)) is not None:
-                search.misses.note(Miss(0, STUCK, problem, stand))
-            else:
+            if not moves or (problem := self._taken(stand, assumed)) is None:
                 yield stand
+            elif not assumed:
+                search.misses.note(Miss(0, STUCK, problem, stand))
 
-    def _taken(self, stand: Stand) -> str | None:
+    def _taken(self, stand: Stand, assumed: bool) -> str | None:
         """Return why a base cannot stand there, or None if it can."""
         body, foot = self._body, stand.base[:3, 3]
         floor = foot[2] - stand.pedestal
@@ -310,18 +326,20 @@ class Ground:
         owner = self._near.in_column(foot[:2], low, high, body.radius)
         if owner is not None:
             return f"{owner} stands where the base has to stand"
-        if self._asks_floor and not self._on_floor(stand):
+        support = self.floor(stand)
+        if not (support.assumed if assumed else support.scanned):
             return "no floor was scanned there"
         height = stand.pedestal + body.shoulder_height + body.upper_arm
         trunk = column(np.array([*foot[:2], floor]), body.radius, height)
         opens_into = any(overlap(trunk, piece) > 1e-3 for piece in self._swept)
         return "the part would open into the base" if opens_into else None
 
-    def _on_floor(self, stand: Stand) -> bool:
-        """Return True if there is scanned floor below a base; `s2a certify` asks the same."""
-        floor, radius = self._config.floor, self._body.radius
-        below = floor_fraction(stand.base[:3, 3], stand.pedestal, radius, self._near.surface, floor.tolerance)
-        return below >= floor.min_fraction
+    def floor(self, stand: Stand) -> FloorSupport:
+        """Return the floor below a base; `s2a certify` asks the same. It is not asked for where no part is labelled as floor."""
+        if not self._asks_floor:
+            return FloorSupport(1.0, scanned=True)
+        place, radius = stand.base[:3, 3], self._body.radius
+        return floor_support(place, stand.pedestal, radius, self._near.surface, self._config.floor)
 
 
 def _in_words(distance: float, side: float, pedestal: float) -> str:

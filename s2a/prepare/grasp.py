@@ -16,6 +16,7 @@ from s2a.motion.obstacles import Obstacles
 from s2a.motion.trajectory import STRAIGHT_APPROACH
 from s2a.robot.collision import RobotShape, robot_shape
 from s2a.robot.spec import GripperSpec, RobotSpec
+from s2a.scan.evidence.surface import HOLE_REACH
 from s2a.scene.articulation import opening_direction
 from s2a.scene.geometry.bar import bar_profile
 from s2a.scene.geometry.front_panel import Pocket, find_pocket, front_behind
@@ -149,18 +150,21 @@ def lowest_point(scene: Scene) -> np.ndarray:
     return np.array([[0.0, 0.0, np.nanmin([part.mesh.bounds[0, 2] for part in scene.parts.values()])]])
 
 
-def floor_height(floor: np.ndarray, place: np.ndarray, radius: float = 0.4) -> float:
+def floor_height(floor: np.ndarray, place: np.ndarray, radii: Sequence[float] = (0.4, HOLE_REACH)) -> float:
     """Return the height [m] of the floor's points around a place (x, y), or of all where there are none.
 
     Args:
         floor: the points [m], by increasing x, shape [point 3].
         place: (x, y) [m].
-        radius: what counts as around [m].
+        radii: what counts as around [m]; the next one where there are no points within the one before.
     """
-    first, last = np.searchsorted(floor[:, 0], [place[0] - radius, place[0] + radius])
-    strip = floor[first:last]
-    near = strip[np.linalg.norm(strip[:, :2] - place, axis=1) < radius]
-    return float(np.median((near if len(near) else floor)[:, 2]))
+    for radius in radii:
+        first, last = np.searchsorted(floor[:, 0], [place[0] - radius, place[0] + radius])
+        strip = floor[first:last]
+        near = strip[np.linalg.norm(strip[:, :2] - place, axis=1) < radius]
+        if len(near):
+            return float(np.median(near[:, 2]))
+    return float(np.median(floor[:, 2]))
 
 
 def is_round(grasp: Grasp) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from s2a import robot
 from s2a.core.bounds import NotNegative
 from s2a.core.outputs import Output, atomic_write
-from s2a.prepare.base_pose import BaseConfig
+from s2a.prepare.base_pose import ASSUMED_FLOOR, BaseConfig
 from s2a.prepare.free_objects import FreeConfig, FreeObject, free_objects, level_tops
 from s2a.prepare.grasp import bodies, parent_body
 from s2a.prepare.mass import MassConfig, box_mass, cabinet_walls, moving_mass
@@ -296,13 +296,23 @@ def _articulation(
         f"no contact between {target.id} and {other}: their colliders touch or overlap, by {1000 * depth:.2g} mm, on its path"
         for other, depth in filtered.items()
     ]
+    if base.assumed_floor:
+        notes.append(f"floor below {spec.name} before {target.id} assumed: {ASSUMED_FLOOR}")
     notes += [f"box behind the front of {target.id} added: it was not scanned"] if body.completed else []
     return Articulation(
         joint=target.joint,
         parent=parent,
         grasp=replace(grasp, region=Mesh(region.vertices, region.faces)),
         bases={
-            spec.name: Base(base.position, base.orientation, base.reason, base.free, base.pedestal, spec.base.radius)
+            spec.name: Base(
+                base.position,
+                base.orientation,
+                base.reason,
+                base.free,
+                base.pedestal,
+                spec.base.radius,
+                base.assumed_floor,
+            )
         },
         friction=_friction(body.mass.mass, config) * lever_arm(target.joint, target.point),
         filtered=tuple(filtered),

@@ -47,6 +47,8 @@ READ_BY_OTHERS = {
     "no_material": "contact_material", "initial_velocity": "at_rest", "initial_turn": "at_rest",
 }  # fmt: skip
 """Defect of a file that s2a's own simulation does not notice -> the check that names it."""
+AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+"""Squares of floor around one that was not scanned."""
 
 
 @pytest.fixture
@@ -66,6 +68,25 @@ def test_a_clean_stage_has_the_surface_on_its_side(stage: Path) -> None:
     assert {"up_axis", "scan_units"} <= {check.name for check in checks}
     structure = STRUCTURE.ask(contents.read(stage), SHAPES, "room")
     assert set(READ_BY_OTHERS.values()) < {check.name for check in structure if check.status == "pass"}
+
+
+def test_a_floor_that_is_assumed_is_stored_and_reported(stage: Path, tmp_path: Path) -> None:
+    room = sim_stage.read(stage)
+    drawer = room.articulations["drawer_2"]
+    x = drawer.bases["panda"].position[0]
+    wall = box((-0.5, 0.0, 1.0), (0.02, 2.0, 1.0))
+    sides = [box((x + 1.3 * i, 1.3 * j, -0.01), (1.0 if i else 0.3, 1.0 if j else 0.3, 0.01)) for i, j in AROUND]
+    bases = {"panda": replace(drawer.bases["panda"], assumed_floor=True)}
+    hole = replace(
+        room,
+        static_visual=merge([wall, *sides]),
+        articulations={"drawer_2": replace(drawer, bases=bases)},
+    )
+    sim_stage.write(hole, tmp_path / "hole.usda")
+    assert sim_stage.read(tmp_path / "hole.usda").articulations["drawer_2"].bases == bases
+    checks = Evidence(tmp_path / "hole.usda").checks("drawer_2", CONFIG)
+    (check,) = (check for check in checks if check.name == "base_on_floor")
+    assert check.status == "info" and "assumed" in check.message and check.value == 1.0 and "stairs" in check.remedy
 
 
 def test_a_room_in_decimetres_is_named(stage: Path) -> None:

@@ -28,6 +28,7 @@ from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import follow, opening_coordinate, part_path
 from s2a.scene.geometry.convex import sweep
+from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import SimRoom
@@ -93,6 +94,23 @@ def test_a_robot_stands_where_floor_was_scanned() -> None:
     assert found.position[1] > 0.05  # more than half of its footprint
     away = base(with_floor((-0.4, 1.5, -0.05), (2.5, 2.0, 0.0)), pedestals=(0.0,))
     assert not away.free and "no floor was scanned there; no place is free" in away.reason
+
+
+@pytest.mark.parametrize("shaft", [False, True])
+def test_a_robot_stands_in_a_hole_amid_scanned_floor_but_not_in_a_shaft(shaft: bool) -> None:
+    slabs = [
+        ((-2.0, -2.0), (0.65, 2.0)),
+        ((1.3, -2.0), (3.0, 2.0)),
+        ((0.65, -2.0), (1.3, -0.6)),
+        ((0.65, 0.6), (1.3, 2.0)),
+    ]
+    solids = [box(*zip(low, high, strict=True), (-0.05, 0.0)) for low, high in slabs]
+    solids += [box((0.65, 1.3), (-0.6, 0.6), (-1.05, -1.0))] if shaft else []
+    scene = clean_cabinet_room()
+    floor = replace(scene.parts["floor_2"], mesh=merge([Mesh(solid.vertices, solid.faces) for solid in solids]))
+    stands = base(replace(scene, parts={**scene.parts, "floor_2": floor}), pedestals=(0.0,))
+    assert (stands.free, stands.assumed_floor) == (not shaft, not shaft)
+    assert shaft or (stands.position == base(scene).position and "the floor there is assumed" in stands.reason)
 
 
 def test_the_floor_is_asked_for_where_the_foot_of_a_turned_robot_stands() -> None:
@@ -198,8 +216,9 @@ def test_the_floor_is_as_high_as_its_points_around_a_place() -> None:
     points = random.uniform(-2.0, 2.0, (3000, 3))
     points = points[np.argsort(points[:, 0])]
     for place in random.uniform(-2.5, 2.5, (50, 2)):
-        near = np.linalg.norm(points[:, :2] - place, axis=1) < 0.3
-        assert floor_height(points, place, 0.3) == np.median(points[near if near.any() else slice(None), 2])
+        away = np.linalg.norm(points[:, :2] - place, axis=1)
+        near = next((away < radius for radius in (0.05, 0.3) if (away < radius).any()), slice(None))
+        assert floor_height(points, place, (0.05, 0.3)) == np.median(points[near, 2])
 
 
 def test_a_part_does_not_open_into_the_base() -> None:

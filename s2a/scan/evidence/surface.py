@@ -156,6 +156,12 @@ HEAD = 0.3
 """[m] From here above the base the floor is looked for."""
 RING = 8
 """Places around the base's middle where the floor is looked for, besides the middle."""
+SIDES, HOLE_REACH, STEP = 16, 1.0, 0.05
+"""Directions in which floor is looked for around a hole, how far from the base's middle, and in which steps [m]."""
+MIN_ENCLOSED = 10
+"""Sides on which floor or something upright must be seen; the others may show nothing."""
+HEADROOM = 2.0
+"""[m] Over a hole that counts as floor nothing is up to here above it: a bed or a couch hides floor, and a table shades it."""
 
 
 @dataclass(frozen=True)
@@ -172,24 +178,78 @@ class FloorConfig:
     min_fraction: Fraction = 0.5
 
 
-def floor_fraction(
-    base: np.ndarray, pedestal: float, radius: float, surface: RayMesh | Forest, tolerance: float
-) -> float:
-    """Return the fraction of a base's footprint below which a surface is at the height of its foot, 0 to 1.
+@dataclass(frozen=True)
+class FloorSupport:
+    """The floor below a base.
+
+    Attributes:
+        fraction: of the footprint below which a surface is at the height of its foot, 0 to 1.
+        scanned: that is enough of it.
+        assumed: it is not, but the scan has a mere hole there, which the floor around it closes at the same height.
+        sides: number of the SIDES on which that floor is seen; 0 where it was not looked for.
+    """
+
+    fraction: float
+    scanned: bool
+    assumed: bool = False
+    sides: int = 0
+
+
+def floor_support(
+    base: np.ndarray, pedestal: float, radius: float, surface: RayMesh | Forest, config: FloorConfig
+) -> FloorSupport:
+    """Return the floor below a base, scanned or assumed.
+
+    A hole counts as floor where nothing is scanned above or below the footprint, no surface lies lower within HOLE_REACH,
+    and the base is amid the floor around it: floor at the height of its foot is seen, with nothing in between, on sides no
+    two neighbours of which are half a turn apart, and floor or something upright on MIN_ENCLOSED of SIDES.
 
     Args:
         base: position of the base [m], scene coordinates, shape [3].
         pedestal: height of what it stands on [m].
         radius: of the footprint [m].
         surface: everything that was scanned.
-        tolerance: see FloorConfig [m].
+        config: bounds.
     """
     angle = np.arange(RING) * 2.0 * np.pi / RING
     ring = radius * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    starts = base + np.concatenate([np.zeros((1, 3)), ring]) + [0.0, 0.0, HEAD]
+    foot, tolerance = base - [0.0, 0.0, pedestal], config.tolerance
+    footprint = np.concatenate([np.zeros((1, 3)), ring])
+    heights = _heights(base + footprint + [0.0, 0.0, HEAD], foot[2], surface)
+    fraction = float((np.abs(heights) < tolerance).mean())
+    if fraction >= config.min_fraction:
+        return FloorSupport(fraction, scanned=True)
+    heights = _heights(foot + footprint + [0.0, 0.0, HEADROOM], foot[2], surface)
+    if (np.isfinite(heights) & (np.abs(heights) >= tolerance)).any():
+        return FloorSupport(fraction, scanned=False)
+    return FloorSupport(fraction, False, *_floor_around(foot, radius, surface, tolerance))
+
+
+def _heights(starts: np.ndarray, level: float, surface: RayMesh | Forest) -> np.ndarray:
+    """Return how high above a level the first surfaces below some points [point 3] are [m]; -inf where there is none."""
     down = np.tile([0.0, 0.0, -1.0], (len(starts), 1))
-    foot = starts[:, 2] - first_hits(surface, starts, down)
-    return float((np.abs(foot - (base[2] - pedestal)) < tolerance).mean())
+    return starts[:, 2] - first_hits(surface, starts, down) - level
+
+
+def _floor_around(foot: np.ndarray, radius: float, surface: RayMesh | Forest, tolerance: float) -> tuple[bool, int]:
+    """Return whether a hole at the foot of a base [3] is amid floor, and on how many sides that is seen."""
+    angle = np.arange(SIDES) * 2.0 * np.pi / SIDES
+    ways = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    level = np.array([HEAD / 3, HEAD * 2 / 3, HEAD])
+    starts = np.repeat(foot + level[:, None] * [0.0, 0.0, 1.0], SIDES, axis=0)
+    stop = first_hits(surface, starts, np.tile(ways, (len(level), 1))).reshape(len(level), SIDES).min(axis=0)
+    away = np.arange(radius, HOLE_REACH + 1e-6, STEP)
+    places = foot + ways[:, None] * away[:, None] + [0.0, 0.0, HEAD]
+    heights = _heights(places.reshape(-1, 3), foot[2], surface).reshape(SIDES, -1)
+    heights[away >= stop[:, None]] = -np.inf
+    lower = np.isfinite(heights) & (heights <= -tolerance)
+    floor = (np.abs(heights) < tolerance).sum(axis=1) > 1
+    upright = (stop <= HOLE_REACH) | (heights >= tolerance).any(axis=1)
+    seen = np.flatnonzero(floor)
+    if not len(seen) or lower.any() or (floor | upright).sum() < MIN_ENCLOSED:
+        return False, len(seen)
+    gaps = np.diff(seen, append=seen[0] + SIDES)
+    return bool(gaps.max() < SIDES // 2), len(seen)
 
 
 POINTS = 600

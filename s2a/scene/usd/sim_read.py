@@ -164,7 +164,7 @@ def _grasp(prim: Usd.Prim) -> Grasp:
 def _base(prim: Usd.Prim) -> tuple[str, Base]:
     """Read the name of a robot, and where it stands."""
     position, orientation = _pose(prim)
-    values = {"reason": str, "free": bool, "pedestal": float, "radius": float}
+    values = {"reason": str, "free": bool, "pedestal": float, "radius": float, "assumed_floor": bool}
     attributes = {name: read_attribute(prim, name, kind) for name, kind in values.items()}
     given = {name: value for name, value in attributes.items() if value is not None}
     return read_attribute(prim, "robot", str, prim.GetName()), Base(position, orientation, **given)

@@ -114,6 +114,7 @@ class Base:
         free: The arm reaches along the whole path and collides with nothing.
         pedestal: height of the column under it [m]; 0 on the floor.
         radius: of that column [m].
+        assumed_floor: The floor below it was not scanned: the scan has a hole there, amid floor at the same height.
     """
 
     position: Vec3
@@ -122,6 +123,7 @@ class Base:
     free: bool = True
     pedestal: float = 0.0
     radius: float = 0.12
+    assumed_floor: bool = False
 
 
 @dataclass(frozen=True)

@@ -221,6 +221,8 @@ def _write_base(stage: Usd.Stage, path: str, robot: str, base: Base) -> None:
     write_attribute(frame.GetPrim(), "free", Types.Bool, base.free)
     write_attribute(frame.GetPrim(), "pedestal", Types.Double, base.pedestal)
     write_attribute(frame.GetPrim(), "radius", Types.Double, base.radius)
+    if base.assumed_floor:
+        write_attribute(frame.GetPrim(), "assumed_floor", Types.Bool, True)
 
 
 def _quat(kind: type, xyzw: Quat) -> Gf.Quatd | Gf.Quatf:

@@ -351,8 +351,8 @@ class _Room:
     def _certify(self) -> None:
         for report in certify(self.file, self.config.certify, None, self.config.robot.name):
             if report.target in self.row["verdicts"]:
-                names = ", ".join(check.name for check in report.failed)
-                self.row["verdicts"][report.target] |= {"certified": report.passed, "failed_checks": names}
+                reasons = "; ".join(f"{check.name} at {check.prim or 'the room'}: {check.message}" for check in report.failed)
+                self.row["verdicts"][report.target] |= {"certified": report.passed, "failed_checks": reasons}
 
     def _open(self, room: SimRoom, motions: dict[str, Demonstration]) -> None:
         """Run the planner in worlds of all parts of the room together; its rates become the parts' verdicts."""

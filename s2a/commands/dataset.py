@@ -20,6 +20,7 @@ from PIL import Image
 from s2a import scan as scans
 from s2a.annotate import files as annotated_files
 from s2a.certify.check_suite import CertifyConfig, certify
+from s2a.certify.report import number
 from s2a.commands import annotate, import_
 from s2a.core import config as configuration
 from s2a.core.bounds import Count
@@ -253,7 +254,7 @@ class _Room:
         scene = scans.read(place)
         if not scene.movable:
             raise InputError(
-                f"{place}: no part moves; annotate it with s2a annotate scan={place}, and give that folder"
+                f"no part that moves was proposed in {place}; mark some with s2a annotate scan={place} out=DIR, and give DIR"
             )
         self._draw(scene, {})
         if "check" in stages:
@@ -351,7 +352,9 @@ class _Room:
     def _certify(self) -> None:
         for report in certify(self.file, self.config.certify, None, self.config.robot.name):
             if report.target in self.row["verdicts"]:
-                reasons = "; ".join(f"{check.name} at {check.prim or 'the room'}: {check.message}" for check in report.failed)
+                reasons = "; ".join(
+                    f"{c.name} at {c.prim or '/scene'}: {number(c)} {c.message}".strip() for c in report.failed
+                )
                 self.row["verdicts"][report.target] |= {"certified": report.passed, "failed_checks": reasons}
 
     def _open(self, room: SimRoom, motions: dict[str, Demonstration]) -> None:

@@ -21,6 +21,7 @@ from outcome import half_after, logged, percent, write
 from PIL import Image
 from ratings import table as ratings
 from ratings import verdicts
+from real_captures import line_of, row_of
 from reward_ablation import COLUMNS, move_grasp, table, table_rows
 from scipy.spatial.transform import Rotation
 from side_by_side import gpu_slots, run
@@ -192,3 +193,22 @@ def test_ratings_count_what_both_accept_and_how_they_agree_beyond_chance(tmp_pat
     assert "| kitchen | ours | 2 | 1 | 2 |" in lines and "| all | paper | 2 | 0 | 0 |" in lines
     # They agree on 3 of 4; by chance on (2/4 x 1/4) + (2/4 x 3/4) = 1/2.
     assert lines[-1] == "The two agree on 75 % of 4 images, Cohen's kappa 0.50."
+
+
+def test_a_capture_is_a_row_of_counts_and_one_that_failed_has_none() -> None:
+    rates = {
+        "a": {"success": 1.0, "grasp_success": 0.0, "certified": True},
+        "b": {"success": 0.5, "grasp_success": 1.0},
+    }
+    room = {
+        "name": "flat",
+        "source": "flat",
+        "failed": "",
+        "verdicts": rates,
+        "parts": [{}, {}],
+        "left_out": {"c": "far"},
+    }
+    row = row_of({**room, "seconds": {"import": 2.0, "plan": 58.0}})
+    assert line_of(row) == "| flat | 3 | 2 | 1 | 2 | 1 | 2.0 | 1.0 |" and row["left_out"] == ["far"]
+    failed = row_of({**room, "failed": "import: flat: no up", "verdicts": {}, "seconds": {}})
+    assert line_of(failed) == "| flat | fails |  |  |  |  |  | 0.0 |" and failed["failed"] == "import: no up"

@@ -4,16 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
 
 from s2a.core.bounds import AtLeast, Count, CountFromZero, Fraction, NotNegative, Positive
-from s2a.core.cache import recall
+from s2a.core.cache import Arrays, recall
 from s2a.core.progress import track
 from s2a.prepare.grasp import bodies
-from s2a.scene.geometry.convex import APART, MARGIN, clip, contains, cut_free, one_hull, overlap, vhacd, volume
-from s2a.scene.geometry.mesh_ops import centroids, normals
+from s2a.scan.rest import UNANNOTATED
+from s2a.scene.geometry.convex import (
+    APART,
+    MARGIN,
+    clip,
+    components,
+    contains,
+    cut_free,
+    one_hull,
+    overlap,
+    vhacd,
+    volume,
+)
+from s2a.scene.geometry.mesh_ops import centroids, keep, normals, weld
 from s2a.scene.geometry.planes import TILT, Plane, find_planes, slabs
 from s2a.scene.geometry.simplify import STRUCTURE_LABELS, DecimateConfig, Decimated, decimate_room, is_structure
 from s2a.scene.scene import Mesh, Part, Scene, pack, unpack
@@ -166,10 +179,23 @@ class RoomConfig:
 def part_hulls(part: Part, config: RoomConfig) -> tuple[Collider, ...]:
     """Return the convex hulls of a part of the static room, from the cache where they were made before; part "" owns them."""
     structure = is_structure(part.label, config.structure_labels)
-    hulls = unpack(
-        recall("room", [part.mesh, repr((structure, config))], lambda: pack(_hulls(part.mesh, structure, config)))
-    )
+    # What nobody annotated is many things: a hull over two of them fills the air between.
+    things = [part.mesh]
+    if part.label == UNANNOTATED and len(part.mesh.faces):
+        piece = components(welded := weld(part.mesh))
+        things = [keep(welded, piece == i) for i in range(piece.max() + 1)]
+    hulls = [
+        hull
+        for mesh in things
+        for hull in unpack(
+            recall("room", [mesh, repr((structure, config))], partial(_packed_hulls, mesh, structure, config))
+        )
+    ]
     return tuple(Collider("", hull, structure) for hull in hulls)
+
+
+def _packed_hulls(mesh: Mesh, structure: bool, config: RoomConfig) -> Arrays:
+    return pack(_hulls(mesh, structure, config))
 
 
 def cut_out(

@@ -7,9 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
-from s2a.prepare.room_hulls import cut_all
+from s2a.prepare.room_hulls import RoomConfig, cut_all, part_hulls
+from s2a.scan.rest import UNANNOTATED
 from s2a.scene.geometry.convex import box, column, contains, overlap, sweep, volume
-from s2a.scene.scene import Joint, Mesh
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Joint, Mesh, Part
 
 FLOOR = box(np.array([0.0, 0.0, -0.01]), np.eye(3), np.array([4.0, 4.0, 0.02]))
 COUNT = 12
@@ -56,3 +58,10 @@ def test_a_floor_that_a_door_grazes_is_not_lost() -> None:
     left = cut_all(FLOOR, [*swept, stand], COUNT, 8.0e-6, 1.0e-4)
     assert len(left) <= COUNT and max(overlap(a, b) for a in left for b in [*swept, stand]) == 0.0
     assert area_of_floor(left, -0.0135) > 16.0 * 0.95
+
+
+def test_no_hull_of_what_nobody_annotated_spans_two_things() -> None:
+    things = [box(np.array([x, 0.0, 0.3]), np.eye(3), np.array([0.4, 0.4, 0.6])) for x in (0.0, 3.0)]
+    hulls = part_hulls(Part(UNANNOTATED, merge(things)), RoomConfig(resolution=10_000))
+    assert sum(volume(one.mesh) for one in hulls) == pytest.approx(2 * 0.4 * 0.4 * 0.6, rel=0.1)
+    assert all(np.ptp(one.mesh.bounds[:, 0]) < 0.5 for one in hulls)

@@ -325,12 +325,17 @@ def loops(edges: np.ndarray) -> list[np.ndarray]:
     return walks
 
 
-def drop_small_components(mesh: Mesh, min_area_fraction: float) -> Mesh:
-    """Return a surface without the connected components below a fraction of its area."""
+def components(mesh: Mesh) -> np.ndarray:
+    """Return the number of the connected component of every face; faces are connected by common vertices."""
     corners = mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]]
     rows, columns = np.concatenate([edge for edge in corners]).T
     links = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(mesh.vertices),) * 2)
-    piece = connected_components(links, directed=False)[1][mesh.faces[:, 0]]
+    return np.unique(connected_components(links, directed=False)[1][mesh.faces[:, 0]], return_inverse=True)[1]
+
+
+def drop_small_components(mesh: Mesh, min_area_fraction: float) -> Mesh:
+    """Return a surface without the connected components below a fraction of its area."""
+    piece = components(mesh)
     area = np.bincount(piece, weights=mesh.face_areas)
     return keep(mesh, area[piece] >= min_area_fraction * area.sum())
 

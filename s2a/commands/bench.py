@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +30,8 @@ from s2a.sim.world import SimStage
 from s2a.tasks import MdpSettings, MetricSettings, make_env, pool
 from s2a.tasks.base import MdpConfig
 from s2a.tasks.env import VecEnv
+
+_log = logging.getLogger(__name__)
 
 PLANNER, RANDOM = "planner", "random"
 Actor = Callable[[VecEnv, Sequence[Demonstration]], Policy]
@@ -94,12 +97,18 @@ def run(config: Config) -> str:
     if config.perception:
         stages = seen_pool(config.stage, stages, config.perception, device)
         stages = [replace(stage, estimates=fused(stage.estimates, config.perception_frames)) for stage in stages]
+    longest = 0
     batches = list(_batches(stages, config.num_envs // config.episodes))
     columns: dict[str, list[torch.Tensor]] = {}
+    cut: list[str] = []
     for first, stages in track(batches, "bench"):
         sim = Simulation(stages, config.sim, len(stages) * config.episodes, device)
         env = make_env(sim, task, config.metrics, {}, config.seed + first)
-        done = run_episodes(env, act(env, motions[first : first + len(stages)]))
+        actor = act(env, motions[first : first + len(stages)])
+        if isinstance(actor, Planner):
+            cut += [entries[first + i].part for i in actor.cut]
+            longest = max(longest, actor.episode_steps)
+        done = run_episodes(env, actor)
         for name in env.task.RESULTS.rates:
             columns.setdefault(name, []).append(_by_stage(done[name], sim.stage_of_env))
     rates = {name: torch.cat(values).numpy() for name, values in columns.items()}
@@ -111,6 +120,10 @@ def run(config: Config) -> str:
         "grasp_turn": config.grasp_turn,
     }
     shown = [name for name in rates if name in env.task.RESULTS.logged[:2]]
+    if cut:
+        about["plans_cut"] = cut
+        text = "%d of %d plans are longer than an episode of %d steps and count as failures; give steps=%d"
+        _log.warning(text, len(cut), len(entries), config.steps, longest)
     with atomic_write(config.out) as file:
         file.write_text(json.dumps({**about, **tables, **provenance(device)}, indent=1))
     return "\n".join([f"{config.out}: {who}, {config.episodes} episodes a part", *_table(tables["over_parts"], shown)])

@@ -363,7 +363,9 @@ class _Room:
         stages = [stage_of(self.file, room, part, robot=config.robot.name) for part in motions]
         sim = Simulation(stages, config.sim, len(stages) * config.episodes, "cpu")
         env = make_env(sim, replace(config.task, episode_steps=STEPS), config.metrics, {}, config.planner.seed)
-        done = run_episodes(env, Planner(env, config.planner, list(motions.values())))
+        planner = Planner(env, config.planner, list(motions.values()))
+        env.lengthen(planner.episode_steps)
+        done = run_episodes(env, planner)
         for index, part in enumerate(motions):
             mine = sim.stage_of_env == index
             rates = {name: float(done[name].numpy()[mine].mean()) for name in env.task.RESULTS.rates}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -38,6 +40,7 @@ from s2a.learn.rl.run_folder import read_world
 from s2a.motion.part_base import ready_to_move
 from s2a.motion.policy import Planner
 from s2a.scene.usd import sim_stage
+from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.recorder import LimitUse, Recorder
 from s2a.sim.simulation import Simulation, device_of
@@ -49,6 +52,7 @@ from s2a.tasks.env import VecEnv
 from s2a.tasks.soft import COLUMNS, NAME, SOFT_TASK, VALUES, SoftMetrics, SoftTask, trials
 from s2a.view import states
 
+_log = logging.getLogger(__name__)
 REFUSED = ("also", "checkpoint", "policy", "agent", "perception", "export", "images", "search_base", "recordings")
 
 
@@ -174,6 +178,38 @@ def _who(config: Config) -> str:
     return config.agent or trained or "planner"
 
 
+def _about(config: Config, env: VecEnv) -> dict[str, Any]:
+    """Return what was evaluated: room, part, robot, task, and all settings but places of outputs."""
+    stage, is_pool = env.sim.stage, pool.is_index(config.stage)
+    outputs = ("out", "images", "recordings", "states")
+    settings = {name: value for name, value in asdict(config).items() if name not in outputs}
+    settings |= {"sim": asdict(env.sim.config), "task": asdict(env.task.config)}
+    return {
+        "stage": config.stage.name,
+        "path": str(config.stage.absolute()),
+        "sha256": hashlib.sha256(config.stage.read_bytes()).hexdigest() if is_pool else layer_hash(config.stage),
+        "part": None if is_pool else stage.target,
+        "robot": stage.robot,
+        "task": config.task.name,
+        "episode_steps": env.max_episode_length,
+        "seed": config.seed,
+        "perception": config.perception and config.perception.name,
+        "settings": json.loads(json.dumps(settings, default=str)),
+    }
+
+
+def _variation(env: VecEnv) -> list[str]:
+    """Return in what worlds of one part differ; where in nothing, they are copies and their interval is of one episode."""
+    config = env.task.config
+    drawn = {
+        "start": config.start_noise > 0.0,
+        "action delay": config.action_delay[0] < config.action_delay[1],
+        "observed grasp": max(config.grasp_error[1], config.grasp_turn[1]) > 0.0,
+        **dict.fromkeys(("friction", "damping", "mass", "gains"), env.sim.config.vary is not None),
+    }
+    return [name for name, differs in drawn.items() if differs]
+
+
 def _refuse_contradictions(config: Config) -> None:
     """Raise for keys that cannot go together, before an evaluation is spent on them."""
     if config.export and not config.checkpoint:
@@ -242,6 +278,8 @@ def run(config: Config) -> str:
         played = states.Watch(sim) if config.states else None
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env, file)
+        if isinstance(policy, Planner):
+            env.lengthen(policy.episode_steps)
         album, use = Album(env), LimitUse(sim)
 
         def watch() -> None:
@@ -253,22 +291,29 @@ def run(config: Config) -> str:
             if played:
                 played.sample(env.done)
 
-        origin = {"stage": config.stage.name, "policy": _who(config), "seed": config.seed, **provenance(sim.device)}
-        origin |= {"perception": config.perception and config.perception.name}
+        origin = {**_about(config, env), "policy": _who(config), **provenance(sim.device)}
         columns = run_episodes(env, policy, watch)
         metrics: dict[str, Any] = {"episodes": env.num_envs, **summary(env, columns)}
-        metrics |= {"limit_use": use.fractions(), **origin}
+        metrics |= {"limit_use": use.fractions(), **origin, "variation": _variation(env)}
         names = list(env.task.RESULTS.rates)
         if pool.is_index(config.stage):
             rates = {name: columns[name].numpy() for name in names}
             metrics |= by_part(rates, pool.read(config.stage), sim.stage_of_env, config.seed)
         out.write_text(json.dumps(metrics, indent=1))
     warn_of_errors(metrics, env)
+    if not metrics["variation"] and isinstance(policy, Planner) and env.num_envs > len(stages):
+        _log.warning(
+            "worlds of a part are copies of one another, so that intervals mean nothing; give task.start_noise"
+        )
     if config.export and config.checkpoint:
         export(load_model(env, config.checkpoint), config.checkpoint)
     _save(config, sim, album, played.states(columns.get("success")) if played else None, recorder)
     return "\n".join(
-        [f"{config.out}: {metrics['episodes']} episodes", *_lines(metrics, names, list(env.task.RESULTS.values))]
+        [
+            f"{config.out}: {metrics['episodes']} episodes of {metrics['episode_steps']} steps; "
+            f"worlds differ in: {', '.join(metrics['variation']) or 'nothing'}",
+            *_lines(metrics, names, list(env.task.RESULTS.values)),
+        ]
     )
 
 

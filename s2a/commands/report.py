@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -41,6 +42,7 @@ def run(config: Config) -> str:
     if missing := [file for file in config.images if not file.is_file()]:
         raise InputError(f"key 'images': {missing[0]} is not a file; give images=[FILE.png,...]")
     document = read(config.path)
+    refuse_another_run(config.path, config.states)
     further = [("Videos", _videos(config.states, config.stage))] if config.states or config.stage else []
     further += [("Images", images(config.images))] if config.images else []
     document = replace(document, sections=(*document.sections, *further))
@@ -48,6 +50,30 @@ def run(config: Config) -> str:
         file.write_text(document.html())
         size = file.stat().st_size
     return f"{config.out}: {document.title}; {size / 1000:.0f} kB"
+
+
+def refuse_another_run(path: Path, file: Path | None) -> None:
+    """Raise InputError where states are not those of the evaluation at `path`; files of earlier versions do not tell."""
+    if file is None or file.suffix != ".npz" or path.suffix != ".json":
+        return
+    values = json.loads(path.read_text())
+    if not isinstance(values, dict) or "settings" not in values or "sha256" not in values:
+        return
+    from s2a.view import states  # of the extra "sim"
+
+    record = states.read(file)
+    count = round(values["success"]["rate"] * values["episodes"]) if "success" in values else None
+    pairs = {
+        "room (SHA-256)": (record.sha256, values["sha256"]),
+        "robot": (record.robot, values["robot"]),
+        "moving part": (values["part"] in {*record.parts, *record.objects}, True),
+        "number of worlds": (len(record.names), values["episodes"]),
+        "successes": (sum(record.success), count) if record.success and count is not None else (0, 0),
+    }
+    if other := [name for name, (own, expected) in pairs.items() if own != expected]:
+        raise InputError(
+            f"key 'states': {file} is of another run than {path}: other {', '.join(other)}; give its own states"
+        )
 
 
 def _videos(states: Path | None, stage: Path | None) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol
@@ -36,7 +35,6 @@ from s2a.motion.trajectory import (
 from s2a.robot.spec import JointLimits
 from s2a.sim.simulation import Simulation
 
-_log = logging.getLogger(__name__)
 BEHIND = 3.0
 """Steps at full velocity that a joint target may be behind the trajectory before the planner waits for it."""
 TEACHING_GAIN, TEACHING_BEHIND = 1 / 30, 10.0
@@ -210,9 +208,6 @@ class Planner:
         self.trajectories = planned or [env.task.trajectory(config) or plan(sim, config, follows_path)]
         self.grasp_steps = self.trajectories[0].reach_steps + self.trajectories[0].closed
         self.steps = max(each.reach_steps + len(each.targets) for each in self.trajectories)
-        if self.steps >= env.max_episode_length:
-            text = "an episode of %d steps cuts the plan off; give task.episode_steps=%d"
-            _log.warning(text, env.max_episode_length, self.steps + 1)
         stage = sim.stage_of_env if motions else np.zeros(sim.num_envs, dtype=int)
         self._targets = torch.tensor(
             padded([_whole(each) for each in self.trajectories]), dtype=torch.float32, device=sim.device
@@ -233,6 +228,17 @@ class Planner:
         fingers = torch.arange(self._targets.shape[2], device=sim.device) >= self._arm
         self._sense = torch.where(internal & fingers, -1.0, 1.0)
         """Of each joint's action [world joint]: fingers that hold by opening are mirrored (`State.internal`)."""
+
+    @property
+    def episode_steps(self) -> int:
+        """Control steps of an episode that holds the longest plan."""
+        return self.steps + 1
+
+    @property
+    def cut(self) -> np.ndarray:
+        """Indices of the plans that are longer than an episode."""
+        lengths = np.array([each.reach_steps + len(each.targets) for each in self.trajectories])
+        return np.flatnonzero(lengths >= self._env.max_episode_length)
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """Return copies of what differs between control steps: where on its trajectory each world is, and where it began."""

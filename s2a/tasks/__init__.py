@@ -11,6 +11,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Any
 
+import gymnasium
+import warp as wp
+
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.motion.trajectory import PlannerConfig
@@ -111,6 +114,7 @@ def make(
     numpy: bool,
 ) -> TaskVectorEnv:
     """Return a task in worlds of a simulation-ready room, or of the parts of many; arguments are those of `s2a.api.make`."""
+    wp.config.log_level = wp.LOG_WARNING  # its lines of versions and modules go to stdout
     kind = task(name)
     values = config.compose("train", [f"task={name}", "stage=-", "out=-", *overrides])
     mdp = config.load(kind.Config, values["task"])
@@ -120,3 +124,13 @@ def make(
     stages = read_stages(kind, room, part, robot, (), mdp, motion)
     sim = Simulation(stages, config.load(SimConfig, values["sim"]), num_envs, device_of(device))
     return TaskVectorEnv(make_env(sim, mdp, metrics, values["reward"], seed, final_observation=True), numpy)
+
+
+def _register() -> None:
+    """Register every task with Gymnasium, `open_part` as s2a/OpenPart-v1; its environments return NumPy arrays."""
+    for name in names():
+        title = "".join(word.capitalize() for word in name.split("_"))
+        gymnasium.register(f"s2a/{title}-v1", vector_entry_point="s2a.api:make", kwargs={"task": name, "numpy": True})
+
+
+_register()

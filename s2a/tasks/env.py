@@ -90,7 +90,7 @@ class VecEnv:
         """
         self.sim, self.task, self.columns = sim, task, (*task.RESULTS.names, *ERRORS)
         self.num_envs, self.num_actions = sim.num_envs, sim.layout.robot_joints
-        self.max_episode_length = task.config.episode_steps
+        self.max_episode_length, self._seed, self._graph = task.config.episode_steps, seed, graph
         with wp.ScopedDevice(sim.device):
             weighted = weights_of(task.REWARDS, weights)
             lengths = task.observations, task.privileged, len(task.REWARDS), len(task.RESULTS.names)
@@ -108,7 +108,20 @@ class VecEnv:
         if self._motion.limited:
             sim.before_substep.append(self._before_substep)
         sim.after_substep.append(self._after_substep)
-        self._whole_step = sim.capture(self._step) if graph else self._step
+        self._begin()
+
+    def lengthen(self, steps: int) -> None:
+        """Let an episode last at least `steps` control steps; a longer one begins all worlds again, as they were made."""
+        if steps <= self.max_episode_length:
+            return
+        self.max_episode_length = steps
+        with wp.ScopedDevice(self.sim.device):
+            self._launch(kernels.seed_envs, self._seed, self.state.rng)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Capture the step, in which the length of an episode is a constant, and reset all worlds."""
+        self._whole_step = self.sim.capture(self._step) if self._graph else self._step
         self.reset_all()
 
     def step(self, action: torch.Tensor) -> None:
@@ -268,7 +281,7 @@ class TaskVectorEnv(VectorEnv[Any, Any, Any]):
             worlds: the environment.
             numpy: return NumPy arrays for tensors.
         """
-        self.worlds, self.num_envs, self._numpy = worlds, worlds.num_envs, numpy
+        self.worlds, self.num_envs, self._numpy, self._is_reset = worlds, worlds.num_envs, numpy, False
         self.single_action_space = Box(-1.0, 1.0, (worlds.num_actions,), np.float32)
         self.single_observation_space = Box(-np.inf, np.inf, (worlds.task.observations,), np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -295,6 +308,7 @@ class TaskVectorEnv(VectorEnv[Any, Any, Any]):
             raise InputError(f"reset options {options!r} are unknown; there are none")
         first = seed[0] if isinstance(seed, list) else seed
         self.worlds.reset_all(None if first is None else int(first))
+        self._is_reset = True
         return self._array(self.worlds.observation), {}
 
     def step(self, actions: torch.Tensor | np.ndarray) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
@@ -302,9 +316,12 @@ class TaskVectorEnv(VectorEnv[Any, Any, Any]):
 
         Returns:
             Observations [world observation], rewards [world], terminated [world], truncated [world], info.
+
+        Raises:
+            InputError: before the first reset; actions of another shape, or that are not finite. No world has moved.
         """
         worlds = self.worlds
-        worlds.step(torch.as_tensor(actions, dtype=torch.float32, device=self.device))
+        worlds.step(self._checked(actions))
         done, truncated = worlds.done.bool(), worlds.time_out.bool()
         ended = _host(done)
         info = {
@@ -315,6 +332,27 @@ class TaskVectorEnv(VectorEnv[Any, Any, Any]):
         }
         flags = self._array(done & ~truncated), self._array(truncated)
         return self._array(worlds.observation), self._array(worlds.reward), *flags, info
+
+    def _checked(self, actions: torch.Tensor | np.ndarray) -> torch.Tensor:
+        """Return actions as a tensor on the device; errors as of `step`."""
+        if not self._is_reset:
+            raise InputError("step() before reset(); call reset() first")
+        try:
+            tensor = torch.as_tensor(actions, dtype=torch.float32, device=self.device)
+        except (TypeError, ValueError, RuntimeError) as error:
+            raise InputError(f"actions are no array of numbers ({error}); give {self.action_space.shape}") from error
+        if tensor.shape != self.action_space.shape:
+            raise InputError(
+                f"actions have the shape {tuple(tensor.shape)}, expected {self.action_space.shape}: "
+                f"{self.num_envs} worlds with {self.single_action_space.shape[0]} actions each"
+            )
+        finite = tensor.isfinite().all(dim=1)
+        if not finite.all():
+            first = int(torch.nonzero(~finite)[0])
+            raise InputError(
+                f"actions of {int((~finite).sum())} worlds are not finite, first in world {first}; give -1 to 1"
+            )
+        return tensor
 
     def _array(self, tensor: torch.Tensor) -> Any:
         """Return a copy of what the worlds overwrite."""

@@ -232,7 +232,7 @@ def test_the_help_tells_what_each_reward_term_and_each_number_of_the_task_is(cap
     assert cli.main(["train", "--help-all"]) == 0
     text = capsys.readouterr().out
     assert (
-        "reward=...  one of: close_part, grasped, handle, paper" in text
+        "reward=...  one of: close_part, grasped, handle, open_part, paper" in text
         and "sim=...  one of: paper, pick_place, planner" in text
     )
     for key, words in (

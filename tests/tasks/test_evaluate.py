@@ -10,11 +10,12 @@ import pytest
 import torch
 from cabinet import write_cabinet
 
-from s2a.commands import cli
+from s2a.commands import cli, report
 from s2a.commands import evaluate as verb
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.learn.evaluate import baseline, rate
+from s2a.scene.usd.stamp import layer_hash
 from s2a.tasks.open_part import OpenPart
 from s2a.view import states
 
@@ -31,6 +32,10 @@ def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) ->
     metrics = json.loads((tmp_path / "zero.json").read_text())
     assert metrics["episodes"] == 3
     assert (metrics["stage"], metrics["policy"]) == ("sim.usda", "zero")
+    assert (metrics["part"], metrics["robot"], metrics["task"]) == ("drawer_2", "panda", "open_part")
+    assert metrics["episode_steps"] == metrics["settings"]["task"]["episode_steps"] == 5
+    assert metrics["sha256"] == layer_hash(stage) and Path(metrics["path"]) == stage.absolute()
+    assert metrics["variation"] == ["start"] and "3 episodes of 5 steps; worlds differ in: start" in said
     names = list(OpenPart.RESULTS.rates)
     assert {"grasp_success", "open_30cm", "final_open_95pct"} <= set(names)
     for name in names:
@@ -48,6 +53,13 @@ def test_states_are_those_of_each_world_and_can_be_played(tmp_path: Path) -> Non
     stage, file = write_cabinet(tmp_path / "sim.usda"), tmp_path / "states.npz"
     keys = (f"stage={stage}", f"out={tmp_path / 'random.json'}", "agent=random", "num_envs=3", "task.episode_steps=6")
     verb.run(settings(*keys, "device=cpu", f"states={file}"))
+    report.refuse_another_run(tmp_path / "random.json", file)
+    other = tmp_path / "other.json"
+    verb.run(
+        settings(f"stage={stage}", f"out={other}", "agent=zero", "num_envs=2", "task.episode_steps=6", "device=cpu")
+    )
+    with pytest.raises(InputError, match="is of another run than .*other.json: other number of worlds"):
+        report.refuse_another_run(other, file)
     seen = states.read_played(file, stage, 1, 4)
     assert seen.names == ["world 1", "world 2"] and seen.rate == pytest.approx(60.0)
     assert len({len(each) for each in seen.joints}) == 1 and seen.joints[0].shape[1] == 9

@@ -97,6 +97,52 @@ def test_what_is_returned_is_not_overwritten_by_the_next_step(room: Path) -> Non
     assert torch.equal(observation, kept)
 
 
+@pytest.mark.parametrize(
+    ("actions", "message"),
+    [
+        (torch.zeros(9), r"shape \(9,\), expected \(2, 9\): 2 worlds with 9 actions each"),
+        (np.zeros((2, 7)), r"shape \(2, 7\)"),
+        (torch.tensor([[0.0] * 9, [float("nan")] * 9]), "of 1 worlds are not finite, first in world 1"),
+        ("forward", "no array of numbers"),
+    ],
+)
+def test_wrong_actions_are_one_line_and_move_nothing(room: Path, actions: Any, message: str) -> None:
+    env = make("open_part", room, num_envs=2, device="cpu")
+    with pytest.raises(InputError, match=r"step\(\) before reset\(\)"):
+        env.step(torch.zeros(2, 9))
+    env.reset(seed=0)
+    before = env.worlds.sim.joint_q.clone()
+    with pytest.raises(InputError, match=message):
+        env.step(actions)
+    assert torch.equal(env.worlds.sim.joint_q, before)
+
+
+def test_lengthened_worlds_are_those_that_were_made_so(room: Path) -> None:
+    first = []
+    for steps, length in ((6, 9), (9, 9)):
+        worlds = make("open_part", room, num_envs=2, device="cpu", overrides=(f"task.episode_steps={steps}",)).worlds
+        worlds.lengthen(length)
+        first.append(worlds.observation.clone())
+        done = []
+        for _ in range(8):
+            worlds.step(torch.zeros(2, 9))
+            done.append(int(worlds.done.sum()))
+        assert done == [0] * 7 + [2]
+    assert torch.equal(*first)
+
+
+def test_gymnasium_makes_a_task_by_its_name(room: Path) -> None:
+    env = gymnasium.make_vec("s2a/OpenPart-v1", num_envs=2, room=room, device="cpu")
+    observation, _ = env.reset(seed=0)
+    assert isinstance(observation, np.ndarray) and observation.shape == (2, 23)
+    assert {"s2a/ClosePart-v1", "s2a/PickPlace-v1", "s2a/PutIn-v1"} <= set(gymnasium.registry)
+
+
+def test_making_a_task_prints_nothing(room: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    make("close_part", room, num_envs=1, device="cpu").reset(seed=0)
+    assert capfd.readouterr().out == ""
+
+
 def test_rsl_rl_trains_in_it(room: Path, tmp_path: Path) -> None:
     env = make("open_part", room, num_envs=4, device="cpu", overrides=("reward=grasped",))
     small = {"num_steps_per_env": 4, "iterations": 2, "num_mini_batches": 2, "hidden_dims": [8]}
@@ -142,6 +188,7 @@ def test_environments_leak_no_memory(room: Path) -> None:
     used = []
     for _ in range(50):
         env = make("open_part", room, num_envs=4, device="cpu")
+        env.reset()
         env.step(torch.zeros(4, 9))
         del env
         gc.collect()

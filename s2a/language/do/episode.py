@@ -267,6 +267,7 @@ def _episode(
     sim = Simulation(stage, config.sim, 1, device_of(config.device))
     env = tasks.make_env(sim, mdp, settings.metrics, {}, config.seed)
     planner = _planner(skill, env, config, room, state, record)
+    env.lengthen(planner.episode_steps)
     env.reset_all()
     offsets = {i: 0.0 if i in own else q for i, q in state.joints.items()}
     began = _read(sim, stage, offsets)

@@ -70,8 +70,12 @@ def evaluation(values: Mapping[str, Any], path: Path) -> Document:
         sections.append(("The first world before, and at the widest opening", images(shown_images)))
     policy, stage = values.get("policy") or "Evaluation", values.get("stage") or path.stem
     title = f"{policy}: {values['episodes']} episodes in {stage}"
-    about = f"metrics version {values.get('metrics_version', 1)}; {provenance(values)}"
-    return Document(title, about, tuple(sections))
+    request = {name: values.get(name) for name in ("part", "robot", "task", "episode_steps")}
+    about = [f"{name.replace('_', ' ')} {value}" for name, value in request.items() if value is not None]
+    if "variation" in values:
+        about.append(f"worlds differ in: {', '.join(values['variation']) or 'nothing, they are copies'}")
+    about += [f"metrics version {values.get('metrics_version', 1)}", provenance(values)]
+    return Document(title, "; ".join(about), tuple(sections))
 
 
 def benchmark(values: Mapping[str, Any], path: Path) -> Document:
@@ -80,6 +84,8 @@ def benchmark(values: Mapping[str, Any], path: Path) -> Document:
     title = f"{values['policy']}: {len(parts)} parts, {values['episodes_a_part']} episodes each"
     request = {name: values.get(name) for name in ("perception", "grasp_error", "grasp_turn")}
     about = "; ".join([path.name, *(f"{n} {v}" for n, v in request.items() if v is not None), provenance(values)])
+    if cut := values.get("plans_cut"):
+        about += f"; cut by the end of the episode, and counted as failures: the plans of {', '.join(cut)}"
     return Document(title, about, tuple(_over_parts(values["over_parts"], parts)))
 
 

@@ -62,7 +62,7 @@ def _devices() -> str:
     if not find_spec("warp"):
         return "devices: not known without the extra sim"
     warp = importlib.import_module("warp")  # of an extra
-    warp.config.quiet = True
+    warp.config.log_level = warp.LOG_WARNING
     names = [
         f"{device.alias} {device.name}, {device.total_memory / 2**30:.0f} GiB" for device in warp.get_cuda_devices()
     ]

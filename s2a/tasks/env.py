@@ -344,7 +344,7 @@ class TaskVectorEnv(VectorEnv[Any, Any, Any]):
         if tensor.shape != self.action_space.shape:
             raise InputError(
                 f"actions have the shape {tuple(tensor.shape)}, expected {self.action_space.shape}: "
-                f"{self.num_envs} worlds with {self.single_action_space.shape[0]} actions each"
+                f"{self.num_envs} worlds with {self.worlds.num_actions} actions each"
             )
         finite = tensor.isfinite().all(dim=1)
         if not finite.all():

@@ -301,6 +301,8 @@ def option(name: str) -> str:
         raise InputError(
             f"{values}: expected the keys task and metrics, and reward for training; has {', '.join(groups)}"
         )
+    # A task is trained by the reward of its name; one that states none, by the paper's.
+    groups.setdefault("reward", plain(OmegaConf.load(folder() / "reward" / "paper.yaml"), resolve=False))
     for group, node in groups.items():
         ConfigStore.instance().store(
             group=group, name=stem, node=node | ({"name": str(path)} if group == "task" else {}), package=group

@@ -32,7 +32,8 @@ from s2a.core.provenance import provenance
 from s2a.learn.evaluate import evaluate
 from s2a.motion.policy import Planner
 from s2a.prepare.free_objects import free_objects
-from s2a.prepare.room import ALL, PrepareConfig, prepare
+from s2a.prepare.part import ALL
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.scene import Scene
 from s2a.scene.usd import geometric, sim_stage
 from s2a.sim.simulation import SimConfig, Simulation

@@ -78,7 +78,6 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["train", "stage=x", "out=y", "task=fly"], ["'task'", "'fly'", "open_part"]),
         (["train", "stage=x", "out=y", "task.name=fly"], ["task 'fly' is unknown", "open_part"]),
         (["train", "stage=x", "out=y", "reward.fingers=1"], ["'reward.fingers'", "reward.finger"]),
-        (["prepare", "stage=x", "targets=[]", "out=y.usd"], ["'targets'", "names no part"]),
     ],
 )
 def test_bad_input_is_one_line_that_names_it_and_the_remedy(

@@ -17,6 +17,7 @@ import av
 import numpy as np
 
 from s2a.core.errors import InputError
+from s2a.core.outputs import FULL
 
 KEYFRAMES = 2
 """Every second frame can be read without the one before it, as LeRobot writes its own: learners read single frames."""
@@ -312,7 +313,7 @@ class Encoders:
         except (EOFError, ConnectionError) as error:
             raise InputError("a process that encodes images has ended, perhaps for want of memory") from error
         for number, reason in (answer for good, answer in answers if not good):
-            raise OSError(number, reason) if number else InputError(f"images cannot be written: {reason}")
+            raise OSError(number, reason) if number in FULL else InputError(f"images cannot be written: {reason}")
         return [answer for _, answer in answers]
 
 

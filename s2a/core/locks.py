@@ -60,7 +60,9 @@ def held(place: Path, output: str, command: str) -> Iterator[None]:
 
 def holder_within(folder: Path) -> str:
     """Return which other process writes an output inside a folder, "" for none."""
-    for file in folder.rglob(f"*{LOCK}") if folder.is_dir() else ():
+    # Unlike rglob, os.walk passes over folders that another process replaces meanwhile.
+    files = (Path(place, name) for place, _, names in os.walk(folder) for name in names if name.endswith(LOCK))
+    for file in files:
         with suppress(OSError):
             lock = os.open(file, os.O_RDONLY)
             try:

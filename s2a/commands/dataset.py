@@ -120,15 +120,7 @@ def overview(place: Path) -> str:
             rows += [_moved(row, index.parent.relative_to(place)) for row in json.loads(index.read_text())["verdicts"]]
         if not indices:
             source = " ".join((job / ".hydra/overrides.yaml").read_text().split())
-            row = {
-                "name": f"job {job.name}",
-                "source": source,
-                "seconds": {},
-                "parts": [],
-                "left_out": {},
-                "verdicts": {},
-            }
-            rows.append({**row, "image": "", "failed": "the job wrote no index; see its log below .submitit"})
+            rows.append(_empty(f"job {job.name}", source, "the job wrote no index; see its log below .submitit"))
     return _indexed(place, rows) if rows else ""
 
 
@@ -156,7 +148,7 @@ def _indexed(out: Path, rows: list[Row]) -> str:
 
 def captures_of(patterns: str | tuple[str, ...]) -> dict[Path, str]:
     """Return the name of each capture by its path, patterns expanded; InputError for none, or two of one name."""
-    found: dict[Path, str] = {}
+    names: dict[Path, str] = {}
     for pattern in (patterns,) if isinstance(patterns, str) else patterns:
         paths = [Path(text) for text in sorted(glob.glob(os.path.expanduser(pattern)))]
         if not paths:
@@ -164,14 +156,14 @@ def captures_of(patterns: str | tuple[str, ...]) -> dict[Path, str]:
                 f"key 'scans' has {pattern!r}, which is no file or folder; give captures, or a pattern as DIR/*"
             )
         for path in paths:
-            name = path.name if path.is_dir() else path.stem
-            twin = next((other for other, taken in found.items() if taken == name and other != path), None)
+            name = _name(path)
+            twin = next((other for other, taken in names.items() if taken == name and other != path), None)
             if twin is not None:
                 raise InputError(f"key 'scans': {twin} and {path} are both named {name!r}; rename one, or link to it")
-            found[path] = name
-    if not found:
+            names[path] = name
+    if not names:
         raise InputError("key 'scans' is empty; give captures: scans=[DIR/*]")
-    return found
+    return names
 
 
 def _row(config: Config, capture: Path) -> Row:
@@ -209,8 +201,12 @@ def _settings(config: Config, capture: Path) -> Any:
 
 
 def _begun(config: Config, capture: Path) -> Row:
-    row = {"settings": _settings(config, capture), "name": _name(capture), "source": str(capture), "failed": CUT_OFF}
-    return row | {"seconds": {}, "parts": [], "left_out": {}, "verdicts": {}, "image": ""}
+    return {"settings": _settings(config, capture), **_empty(_name(capture), str(capture), CUT_OFF)}
+
+
+def _empty(name: str, source: str, reason: str) -> Row:
+    row: Row = {"name": name, "source": source, "failed": reason, "image": ""}
+    return row | {"seconds": {}, "parts": [], "left_out": {}, "verdicts": {}}
 
 
 def _room(config: Config, capture: Path) -> None:
@@ -281,14 +277,11 @@ class _Room:
                 self._open(room, motions)
         self._draw(scene, self.row["verdicts"])
         handles = _handles(place, scene)
-        self.row["parts"] = [
-            asdict(
-                pool.PoolPart(
-                    self.file.name, part, room.articulations[part].joint.kind, handles[part], self._motion(part)
-                )
-            )
-            for part in motions
+        kinds = {part: room.articulations[part].joint.kind for part in motions}
+        parts = [
+            pool.PoolPart(self.file.name, part, kinds[part], handles[part], self._motion(part)) for part in motions
         ]
+        self.row["parts"] = [asdict(part) for part in parts]
 
     def _annotated(self, timed: Any) -> Path:
         """Return the folder of the annotated scan; import and proposals are kept in the room's own folder."""
@@ -318,11 +311,8 @@ class _Room:
         """Return what the surface says against parts, by their ids; InputError where it contradicts the whole room."""
         reasons: dict[str, str] = {}
         for check in failed(annotation.check(scene, Bounds(), read_overlaps(place))):
-            owner = (
-                next((part for part in (check.part, *scene.ancestors(check.part)) if part in scene.movable), "")
-                if (check.part in scene.parts)
-                else ""
-            )
+            line = (check.part, *scene.ancestors(check.part)) if check.part in scene.parts else ()
+            owner = next((part for part in line if part in scene.movable), "")
             if not owner:
                 raise InputError(str(check))
             reasons.setdefault(owner, f"check {check.name}: {check.message}")
@@ -398,16 +388,18 @@ def _loaded(command: str, cls: type[Any], keys: dict[str, Any]) -> Any:
     return configuration.load(cls, {**configuration.compose(command, (), cls), **keys})
 
 
+def _is_annotation(path: Path) -> bool:
+    return any(reader.recognise(path) for reader in registry.formats("s2a.scan.formats"))
+
+
 def _is_scan(path: Path) -> bool:
     """Return whether a folder is of a known layout of scans, or of s2a import, whose meshes are z up in metres."""
-    known = any(reader.recognise(path) for reader in registry.formats("s2a.scan.formats"))
-    return known or (path / imported.RECORD).is_file() or folder.scannet_mesh(path) is not None
+    return _is_annotation(path) or (path / imported.RECORD).is_file() or folder.scannet_mesh(path) is not None
 
 
 def _moves(path: Path) -> bool:
     """Return whether a scan has an annotation with a part that moves."""
-    known = any(reader.recognise(path) for reader in registry.formats("s2a.scan.formats"))
-    return known and bool(scans.read(path).movable)
+    return _is_annotation(path) and bool(scans.read(path).movable)
 
 
 def _mesh(path: Path) -> Path:

@@ -92,6 +92,8 @@ def begin(config: Config) -> Session:
     recorder = Recorder(sim)
     env = make_env(sim, task, config.metrics, {}, config.seed)
     policy = file.bound(env) if file else Planner(env, config.planner)
+    if isinstance(policy, Planner):
+        policy.warn_of_cut()
     views = Views(stage, config.views, config.num_envs, sim.device)
     world = json.loads(world_json(physics, task))
     collector = Collector(env, recorder, views, size, config.every, world)

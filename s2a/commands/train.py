@@ -98,6 +98,8 @@ def run(config: Config) -> str:
     teacher = (
         Planner(env, config.planner, motions, TEACHING_GAIN, TEACHING_BEHIND, knows_grasp=True) if imitates else None
     )
+    if teacher:
+        teacher.warn_of_cut()
     with full_disk_reported(config.out):  # checkpoints and logs are not written by atomic_write
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol
@@ -35,6 +36,7 @@ from s2a.motion.trajectory import (
 from s2a.robot.spec import JointLimits
 from s2a.sim.simulation import Simulation
 
+_log = logging.getLogger(__name__)
 BEHIND = 3.0
 """Steps at full velocity that a joint target may be behind the trajectory before the planner waits for it."""
 TEACHING_GAIN, TEACHING_BEHIND = 1 / 30, 10.0
@@ -239,6 +241,12 @@ class Planner:
         """Indices of the plans that are longer than an episode."""
         lengths = np.array([each.reach_steps + len(each.targets) for each in self.trajectories])
         return np.flatnonzero(lengths >= self._env.max_episode_length)
+
+    def warn_of_cut(self) -> None:
+        """Warn of plans that are longer than an episode, which then ends before they do."""
+        if len(self.cut):
+            text = "an episode of %d steps cuts the plan off; give task.episode_steps=%d"
+            _log.warning(text, self._env.max_episode_length, self.episode_steps)
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """Return copies of what differs between control steps: where on its trajectory each world is, and where it began."""

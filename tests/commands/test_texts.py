@@ -92,11 +92,9 @@ def test_every_text_arrives_through_every_key(command: str, rounds: int) -> None
             assert value(values, key) == ([text] if keys[key] else text), (key, text)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", [each for each in COMMANDS if each != "doctor"])  # which has no keys
 def test_a_text_that_is_no_value_of_a_command_is_one_line(command: str) -> None:
     keys = [key for key, several in text_keys(command).items() if not several]
-    if not keys:
-        return
     required = [key for key in keys if value(cli.compose(command, []), key) == config.REQUIRED]
     for number, text in enumerate(texts(200, 7)[COMMANDS.index(command) :: 45]):
         key = keys[number % len(keys)]

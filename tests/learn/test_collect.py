@@ -82,6 +82,7 @@ def test_what_never_succeeds_ends_in_one_line(
     assert cli.main(["collect", *keys]) == 2
     error = capsys.readouterr().err
     assert "none of 10 episodes succeeded; see what s2a evaluate says of this part" in error
+    assert "an episode of 3 steps cuts the plan off; give task.episode_steps=" in error
 
 
 def test_a_folder_that_is_no_dataset_is_one_line(

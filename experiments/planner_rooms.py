@@ -37,7 +37,8 @@ from s2a.core import config
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
 from s2a.homes.sample import SampleConfig, sample
-from s2a.prepare.room import ALL, PrepareConfig, prepare
+from s2a.prepare.part import ALL
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scan import ply
 from s2a.scene.geometry.mesh_ops import normals, sample_with_faces
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh

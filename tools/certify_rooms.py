@@ -34,7 +34,8 @@ from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.homes.sample import SampleConfig, sample
 from s2a.prepare.grasp import find_target
-from s2a.prepare.room import ALL, PrepareConfig, prepare
+from s2a.prepare.part import ALL
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.scene import Scene
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.stamp import content_hash

@@ -2,23 +2,30 @@
 
     python experiments/proposal_images.py runs/homes_train/* --out runs/proposal_images
     python experiments/proposal_network.py runs/proposal_images/*.npz --out s2a/annotate/propose/fronts.pt
-        [--steps 6000] [--batch 8] [--device cpu] [--init FILE] [--seed 0]
+        [--steps 6000] [--batch 8] [--device cpu] [--init FILE] [--seed 0] [--test IMAGES ...]
 
-Each step sees crops of the planes: mostly about a front; mirrored, in other colours, with noise and holes. A cell of a
-front says where its sides are, by the logarithm of the intersection over union (Yu et al. 2016, UnitBox) and by the distances.
+Each step sees crops of the planes: mostly about a front; mirrored, in other colours, with noise and holes, most of them bent,
+smeared and unevenly lit too. A cell of a front says where its sides are, by the logarithm of the intersection over union (Yu et
+al. 2016, UnitBox) and by the distances. In the end, and with `--steps 0` of the first weights, it tells how the fronts of the
+test agree with the truth.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 import torch
 from proposal_images import Planes
+from proposals import MATCH, matched
 from torch import nn
 
+from s2a.annotate.propose.fronts import fronts
+from s2a.annotate.propose.layers import Layer, ProposeConfig
 from s2a.annotate.propose.network import CHANNELS, COARSE, MOTIONS, FrontNetwork, load
+from s2a.core import config
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
 
@@ -34,7 +41,12 @@ OTHER = {"left": "right", "right": "left"}
 MIRRORED = torch.tensor([*(MOTIONS.index((kind, OTHER.get(way, way))) for kind, way in MOTIONS), -1])
 """Index in MOTIONS of each motion in a mirror; -1 stays."""
 RATE = 2e-3
-"""Highest learning rate of AdamW; it falls as a cosine."""
+"""Highest learning rate of AdamW; it rises over WARM of the steps and falls as a cosine."""
+WARM = 0.05
+HARDER = 0.75
+"""Fraction of the crops that are made `harder`."""
+LOST = 0.2
+"""Weight of a cell whose surface a harder crop lacks."""
 
 
 class Crops(torch.utils.data.IterableDataset):
@@ -71,16 +83,28 @@ def main() -> None:
     parser.add_argument("--helpers", type=int, default=0, help="processes that cut crops")
     parser.add_argument("--init", type=Path, help="weights to go on from")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--test", type=Path, nargs="*", default=[], help="images that are not among those of the training"
+    )
     args = parser.parse_args()
     torch.manual_seed(args.seed)
     network = load(args.init).train() if args.init else FrontNetwork()
     network = network.to(args.device, memory_format=torch.channels_last)
+    if args.steps:
+        train(network, args)
+    for name, figures in tested(network.cpu().eval(), args.test).items():
+        print(f"test of {name}: {figures}", flush=True)
+
+
+def train(network: FrontNetwork, args: argparse.Namespace) -> None:
+    """Train a network, and write its weights now and then and in the end."""
     crops = torch.utils.data.DataLoader(Crops(args.images, args.seed), args.batch, num_workers=args.helpers)
     optimizer = torch.optim.AdamW(network.parameters(), RATE, weight_decay=1e-4)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, args.steps)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, RATE, max(args.steps, 2), pct_start=WARM)
     mean = 0.0
     for step, batch in enumerate(track(crops, "train", args.steps)):
-        image, *truth = (x.to(args.device) for x in batch)
+        image, *truth = (x.to(args.device, non_blocking=True) for x in batch)
+        image, truth[1] = harder(image, truth[1])
         with torch.autocast(args.device.split(":")[0], torch.bfloat16):
             found = network(image.contiguous(memory_format=torch.channels_last))
         total = loss(*(x.float() for x in found), *truth)
@@ -103,6 +127,128 @@ def _write(network: FrontNetwork, file: Path) -> None:
         torch.save(
             {k: v.cpu().half() if v.is_floating_point() else v.cpu() for k, v in network.state_dict().items()}, out
         )
+
+
+def tested(network: FrontNetwork, files: list[Path]) -> dict[str, dict[str, float]]:
+    """Return precision, recall and F1 of the fronts on planes, by detail and whether a copy is coarse.
+
+    Fronts that are not asked for are neither right nor wrong. Files are named as proposal_images.py names them.
+    """
+    settings = config.load(ProposeConfig, config.file("annotate")["propose"])
+    sums: dict[str, np.ndarray] = defaultdict(lambda: np.zeros(3, int))
+    for file in files:
+        planes = Planes.read(file)
+        *_, detail = file.stem.split("_")
+        for image, boxes in zip(planes.images, planes.boxes, strict=True):
+            found = [
+                [front.box.left, front.box.bottom, front.box.right, front.box.top]
+                for front in fronts(_layer(image, planes.cell), 0.0, network, settings)
+            ]
+            scores = _overlaps(np.array(found).reshape(-1, 4), boxes[:, :4])
+            pairs = matched(scores * (boxes[:, 5] > 0))
+            free = (scores.max(axis=1, initial=0.0) >= MATCH).sum() - len(pairs) if len(boxes) else 0
+            sums[detail.rstrip("0123456789")] += [len(pairs), len(found) - free, int((boxes[:, 5] > 0).sum())]
+    return {
+        name: {
+            "precision": round(int(right) / max(int(seen), 1), 3),
+            "recall": round(int(right) / max(int(true), 1), 3),
+            "f1": round(2 * int(right) / max(int(seen + true), 1), 3),
+            "fronts": int(true),
+        }
+        for name, (right, seen, true) in sums.items()
+    }
+
+
+def _layer(image: np.ndarray, cell: float) -> Layer:
+    """Return the plane of which an image was made, over a floor at zero; it lies anywhere."""
+    seen, *color, height, ahead, relief, wall, rows = image.astype(np.float32)
+    nothing = np.where(seen > 0, 0.0, np.nan)
+    place = np.array([0.0, rows[0, 0] + 1.0])
+    color = 255.0 * (np.stack(color, axis=-1) + 0.5) + nothing[..., None]
+    axes = np.eye(3)[[1, 0]]
+    return Layer(*axes, 0.0, place, cell, color, 0.01 * height + nothing, 0.03 * ahead, 0.03 * relief, wall > 0)
+
+
+def _overlaps(ones: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return intersections over union of rectangles (left, bottom, right, top), shapes [one 4], [other 4] -> [one other]."""
+    low, high = (np.maximum(ones[:, None, :2], others[:, :2]), np.minimum(ones[:, None, 2:], others[:, 2:]))
+    shared = (high - low).clip(0.0).prod(axis=2)
+    areas = [(x[:, 2:] - x[:, :2]).prod(axis=1) for x in (ones, others)]
+    return shared / np.maximum(areas[0][:, None] + areas[1] - shared, 1e-9)
+
+
+def _field(count: int, cells: int, like: torch.Tensor) -> torch.Tensor:
+    """Return smooth noise of about unit variance over crops, with so many bumps along a side, shape [crop count CROP CROP]."""
+    noise = torch.randn(len(like), count, cells, cells, device=like.device)
+    noise = nn.functional.interpolate(noise, like.shape[-2:], mode="bicubic", align_corners=True)
+    return noise / noise.std(dim=(-2, -1), keepdim=True).clamp(min=0.3)
+
+
+def _any(like: torch.Tensor, low: float, high: float, chance: float = 1.0) -> torch.Tensor:
+    """Return a number from a range for each crop, and 0 for those beyond a chance, shape [crop 1 1 1]."""
+    number, drawn = torch.rand(2, len(like), 1, 1, 1, device=like.device)
+    return torch.where(drawn < chance, low + (high - low) * number, torch.zeros_like(number))
+
+
+def _blurred(values: torch.Tensor, seen: torch.Tensor, size: int) -> torch.Tensor:
+    """Return the means of values over squares of so many cells of what is seen, twice."""
+    for _ in range(2):
+        mass, total = (nn.functional.avg_pool2d(x, size, 1, size // 2) for x in (seen, values * seen))
+        values = total / mass.clamp(min=1e-3)
+    return values
+
+
+def harder(image: torch.Tensor, weight: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return crops as coarse captures would show them, and the weights of the truth; HARDER of them are changed.
+
+    Args:
+        image: shape [crop CHANNELS row column].
+        weight: of the network's cells, shape [crop row column].
+    """
+    seen, color, height, out, wall, rows = image.split([1, 3, 1, 2, 1, 1], dim=1)
+    blur = int(torch.randint(1, 6, ())) * 2 + 1
+    color = torch.lerp(color, _blurred(color, seen, blur), _any(image, 0.0, 1.0, 0.7)) + 0.5
+    # Other paint: channels are mixed, and contrast is lost.
+    mix = torch.eye(3, device=image.device) + _any(image, 0.0, 0.4)[:, 0] * torch.randn(
+        len(image), 3, 3, device=image.device
+    )
+    color = torch.einsum("bij,bjyx->biyx", mix / mix.sum(dim=2, keepdim=True).clamp(min=0.5), color)
+    mean = (color * seen).sum(dim=(2, 3), keepdim=True) / seen.sum(dim=(2, 3), keepdim=True).clamp(min=1.0)
+    color = mean + (color - mean) * _any(image, 0.3, 1.1)
+    # Grain along or across, light that falls off, an exposure that changes along a line, gloss.
+    grain = torch.randn(
+        len(image), 1, int(torch.randint(2, 9, ())), int(torch.randint(24, 129, ())), device=image.device
+    )
+    grain = nn.functional.interpolate(grain if torch.rand(()) < 0.5 else grain.mT, image.shape[-2:], mode="bilinear")
+    light = _any(image, 0.0, 0.08, 0.4) * grain + _any(image, 0.0, 0.3, 0.8) * _field(
+        1, int(torch.randint(2, 6, ())), image
+    )
+    step = torch.tanh(_any(image, 1.0, 20.0) * (_field(1, 2, image) - _any(image, -1.0, 1.0)))
+    color = color * torch.exp(light + _any(image, -0.2, 0.2, 0.4) * step)
+    gloss = _any(image, 0.0, 0.5, 0.4) * (_field(1, int(torch.randint(3, 9, ())), image) - 1.2).clamp(min=0.0)
+    color = (color + gloss).clamp(0.0, 1.0) - 0.5
+    # Relief is smeared or flat; planes lean and are bent, and what is farther than a layer is thick is not of them.
+    size = int(torch.randint(1, 4, ())) * 2 + 1
+    smear, whole = _any(image, 0.0, 1.0, 0.6), torch.ones_like(seen)
+    height = torch.lerp(height, _blurred(height, seen, size), smear)
+    out = torch.lerp(out, _blurred(out, whole, size), smear) * _any(image, 0.0, 1.0, 0.7)
+    height = height * _any(image, 0.2, 1.0)
+    lean = torch.linspace(-1.0, 1.0, image.shape[-2], device=image.device)[:, None] * _any(image, -2.0, 2.0, 0.5)
+    bend = lean + _any(image, 0.0, 1.0, 0.7) * _field(1, int(torch.randint(2, 5, ())), image)
+    height = height + bend
+    ahead = torch.maximum(out[:, :1], (height * seen).clamp(min=0.0) / 3.0)
+    left = (height.abs() < _any(image, 1.8, 3.3)) & (
+        _field(1, int(torch.randint(4, 17, ())), image) < _any(image, 1.6, 4.0)
+    )
+    # Something stands before it.
+    where = torch.stack([_field(1, 3, image), _field(1, int(torch.randint(2, 6, ())), image)]).sum(dim=0)
+    before = (where > 3.2) & (_any(image, 1.0, 1.0, 0.3) > 0)
+    ahead = torch.where(before, _any(image, 0.5, 3.0) + 0.0 * ahead, ahead)
+    now = seen * (left & ~before)
+    changed = torch.cat([now, color * now, height * now, ahead, out[:, 1:], wall, rows], dim=1)
+    chosen = _any(image, 1.0, 1.0, HARDER) > 0
+    lost = nn.functional.avg_pool2d((seen - now) * chosen, COARSE)[:, 0] > 0.5
+    return torch.where(chosen, changed, image), torch.where(lost, LOST * weight, weight)
 
 
 def loss(

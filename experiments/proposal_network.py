@@ -2,7 +2,7 @@
 
     python experiments/proposal_images.py runs/homes_train/* --out runs/proposal_images
     python experiments/proposal_network.py runs/proposal_images/*.npz --out s2a/annotate/propose/fronts.pt
-        [--steps 6000] [--batch 8] [--device cpu] [--init FILE] [--seed 0] [--test IMAGES ...]
+        [--steps 6000] [--batch 8] [--device cpu] [--init FILE] [--seed 0] [--seconds S] [--test IMAGES ...]
 
 Each step sees crops of the planes: mostly about a front; mirrored, in other colours, with noise and holes, most of them bent,
 smeared and unevenly lit too. A cell of a front says where its sides are, by the logarithm of the intersection over union (Yu et
@@ -13,7 +13,9 @@ test agree with the truth.
 from __future__ import annotations
 
 import argparse
+import time
 from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -55,21 +57,23 @@ class Crops(torch.utils.data.IterableDataset):
     def __init__(self, files: list[Path], seed: int) -> None:
         """Read all planes."""
         self.seed = seed
-        self.planes = [
-            (*plane, planes.cell)
-            for planes in map(Planes.read, files)
-            for plane in zip(planes.images, planes.boxes, planes.handles, strict=True)
-        ]
+        with ThreadPoolExecutor() as helpers:
+            self.planes = [
+                (*plane, planes.cell)
+                for planes in helpers.map(Planes.read, files)
+                for plane in zip(planes.images, planes.boxes, planes.handles, strict=True)
+            ]
         many = np.array([0.4 + min(int(boxes[:, 5].sum()), 4) for _, boxes, _, _ in self.planes])
         self.chance = many / many.sum()
 
     def __iter__(self):
-        """Yield image, front, weight, sides [m], motion, handle."""
+        """Yield image (in half precision), front, weight, sides [m], motion, handle."""
         helper = torch.utils.data.get_worker_info()
         random = np.random.default_rng([self.seed, helper.id if helper else 0])
         while True:
             image, boxes, handle, cell = self.planes[random.choice(len(self.planes), p=self.chance)]
-            yield _mirrored(random, *_crop(random, image, boxes, handle, cell))
+            seen, *truth = _mirrored(random, *_crop(random, image, boxes, handle, cell))
+            yield seen.half(), *truth
 
 
 def main() -> None:
@@ -78,6 +82,9 @@ def main() -> None:
     parser.add_argument("images", type=Path, nargs="+")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--steps", type=int, default=6000)
+    parser.add_argument(
+        "--seconds", type=float, default=np.inf, help="of training, where that is less than its steps take"
+    )
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--helpers", type=int, default=0, help="processes that cut crops")
@@ -98,13 +105,18 @@ def main() -> None:
 
 def train(network: FrontNetwork, args: argparse.Namespace) -> None:
     """Train a network, and write its weights now and then and in the end."""
-    crops = torch.utils.data.DataLoader(Crops(args.images, args.seed), args.batch, num_workers=args.helpers)
+    crops = torch.utils.data.DataLoader(
+        Crops(args.images, args.seed), args.batch, num_workers=args.helpers, prefetch_factor=1 if args.helpers else None
+    )
     optimizer = torch.optim.AdamW(network.parameters(), RATE, weight_decay=1e-4)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, RATE, max(args.steps, 2), pct_start=WARM)
-    mean = 0.0
+    mean, start = 0.0, None
     for step, batch in enumerate(track(crops, "train", args.steps)):
+        start = start or time.monotonic()
+        done = max(step / args.steps, (time.monotonic() - start) / args.seconds)
+        for group in optimizer.param_groups:
+            group["lr"] = RATE * min(done / WARM + 0.01, 0.5 + 0.5 * np.cos(np.pi * min(done, 1.0)))
         image, *truth = (x.to(args.device, non_blocking=True) for x in batch)
-        image, truth[1] = harder(image, truth[1])
+        image, truth[1] = harder(image.float(), truth[1])
         with torch.autocast(args.device.split(":")[0], torch.bfloat16):
             found = network(image.contiguous(memory_format=torch.channels_last))
         total = loss(*(x.float() for x in found), *truth)
@@ -112,9 +124,9 @@ def train(network: FrontNetwork, args: argparse.Namespace) -> None:
         total.backward()
         nn.utils.clip_grad_norm_(network.parameters(), 5.0)
         optimizer.step()
-        schedule.step()
         mean += 0.02 * (float(total.detach()) - mean)
-        if step + 1 == args.steps:
+        if step + 1 == args.steps or done >= 1.0:
+            print(f"step {step + 1}: loss {mean:.3f}, the last after {time.monotonic() - start:.0f} s", flush=True)
             break
         if step % 500 == 499:
             print(f"step {step + 1}: loss {mean:.3f}", flush=True)
@@ -314,9 +326,11 @@ def _changed(random: np.random.Generator, image: np.ndarray) -> np.ndarray:
     seen = image[0] > 0
     color = image[1:4][random.permutation(3) if random.random() < 0.5 else slice(None)]
     color = color * random.uniform(0.6, 1.2) + random.uniform(-0.1, 0.1, (3, 1, 1)) + random.uniform(-0.1, 0.1)
-    color += random.normal(0, random.uniform(0, 0.02), color.shape)
+    color += random.uniform(0, 0.02) * random.standard_normal(color.shape, np.float32)
     image[1:4] = np.where(seen, color.clip(-0.5, 0.5), 0.0)
-    image[4] = np.where(seen, image[4] + random.normal(0, 0.15) + random.normal(0, 0.1, seen.shape), 0.0)
+    image[4] = np.where(
+        seen, image[4] + random.normal(0, 0.15) + 0.1 * random.standard_normal(seen.shape, np.float32), 0.0
+    )
     image[5:7] *= random.uniform(0.8, 1.2)
     for _ in range(random.integers(1, 5) if random.random() < 0.2 else 0):
         row, column, height, width = *random.integers(0, seen.shape), *random.integers(4, 30, 2)

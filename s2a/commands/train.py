@@ -87,7 +87,7 @@ def run(config: Config) -> str:
         )
     sim = Simulation(processes.own_items(stages), config.sim, config.num_envs, device)
     ppo_config = _ppo_of(config)
-    imitates = config.init is None and first < ppo_config.imitation_iterations
+    imitates = first < ppo_config.imitation_iterations and (config.init is None or config.ppo.target is not None)
     motions = _motions(config, sim) if config.demo_reset_fraction > 0.0 or imitates else []
     demo = (
         DemoStarts(motions, config.demo_reset_fraction, config.demo_moved_fraction)
@@ -95,19 +95,28 @@ def run(config: Config) -> str:
         else None
     )
     env = make_env(sim, config.task, config.metrics, config.reward, seed, demo=demo)
-    teacher = (
-        Planner(env, config.planner, motions, TEACHING_GAIN, TEACHING_BEHIND, knows_grasp=True) if imitates else None
-    )
-    if teacher:
-        teacher.warn_of_cut()
     with full_disk_reported(config.out):  # checkpoints and logs are not written by atomic_write
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)
             run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(sim.stages))
             begun = run_folder.keep_start(config.out, first, config.stage, provenance(sim.device))
             write_world(config.sim, config.task, config.out)
-        metrics = ppo.train(env, ppo_config, config.out, checkpoint, config.init, teacher)
+        metrics = ppo.train(
+            env,
+            ppo_config,
+            config.out,
+            checkpoint,
+            config.init,
+            partial(_teacher, config, env, motions) if imitates else None,
+        )
         return _report(config, env, metrics | {"starts": begun}) if lead else ""
+
+
+def _teacher(config: Config, env: VecEnv, motions: list[Demonstration]) -> Planner:
+    """Return the planner as a policy is to imitate it."""
+    teacher = Planner(env, config.planner, motions, TEACHING_GAIN, TEACHING_BEHIND, knows_grasp=True)
+    teacher.warn_of_cut()
+    return teacher
 
 
 def _ppo_of(config: Config) -> PpoConfig:
@@ -130,6 +139,8 @@ def _start_of(config: Config) -> Path | None:
         raise InputError(f"key 'ppo.{key}' needs ppo.cuda_graph=true; rsl-rl's own update does not imitate")
     if config.ppo.critic_learning_rate is not None and not config.ppo.cuda_graph:
         raise InputError("key 'ppo.critic_learning_rate' needs ppo.cuda_graph=true; rsl-rl's own update has one rate")
+    if config.ppo.target is not None and processes.count() > 1:
+        raise InputError("key 'ppo.target' ends a training of one process; give ppo.target=null under torchrun")
     samples = config.num_envs * config.ppo.num_steps_per_env
     if config.ppo.num_mini_batches > samples:
         raise InputError(
@@ -147,9 +158,19 @@ def _start_of(config: Config) -> Path | None:
         run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(config.read_stages()))
     checkpoint = run_folder.latest(config.out) if config.resume else None
     done = run_folder.iteration(checkpoint) + 1 if checkpoint else 0
+    if checkpoint and (why := _ended(config.out)):
+        raise InputError(f"{config.out} has ended ({why}); train into another folder, or delete its {METRICS} to go on")
     if done >= config.ppo.iterations and (config.out / METRICS).is_file():
         raise InputError(f"{config.out} has done its {done} iterations; to go on, give ppo.iterations more of them")
     return checkpoint
+
+
+def _ended(out: Path) -> str:
+    """Return why a run ended before its last iteration, "" where it did not."""
+    try:
+        return str(json.loads((out / METRICS).read_text()).get("ended", ""))
+    except (OSError, ValueError, AttributeError):
+        return ""
 
 
 def _motions(config: Config, sim: Simulation) -> list[Demonstration]:
@@ -181,7 +202,16 @@ def _report(config: Config, env: VecEnv, metrics: dict[str, Any]) -> str:
     last = metrics["curve"][-1] if metrics["curve"] else {}
     came_to = ", ".join(f"{name} {value:.3g}" for name, value in last.items()) or "no episode has ended yet"
     lines = [f"{config.out}: {metrics['env_steps_per_second']:.0f} env steps/s; {came_to}"]
-    if config.export and (checkpoint := run_folder.latest(config.out)):
+    checkpoint = run_folder.latest(config.out)
+    if measured := metrics.get("measured"):
+        checkpoint = config.out / run_folder.BEST
+        why = metrics["ended"] or f"the target of {config.ppo.target:.0%} was not reached"
+        lines = [] if not metrics["curve"] else lines
+        lines.append(
+            f"{checkpoint}: {env.task.RESULTS.logged[0]} {measured['rate']:.1%} [{measured['low']:.1%}, {measured['high']:.1%}] of "
+            f"{measured['episodes']} episodes without exploration noise; {why}"
+        )
+    if config.export and checkpoint:
         lines += [f"  {file}" for file in export(load_model(env, checkpoint), checkpoint)]
     return "\n".join(lines)
 

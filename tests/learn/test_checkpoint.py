@@ -97,19 +97,24 @@ def test_damaged_settings_of_a_policy_are_one_line(run: Path, text: str) -> None
 
 
 class Scored(CountingEnv):
-    """An environment whose episodes succeed as told."""
-
-    max_episode_length = 3
+    """An environment in which an episode of each world ends in every step; of the unaided ones some succeed, as told."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(120)
         self.max_episode_length, self.rate = 3, 0.0
+        self.begun[100:] = 7  # on a demonstration, where all succeed
 
     def step(self, action: torch.Tensor) -> None:
-        """Count a hundred episodes."""
+        """End all episodes."""
         super().step(action)
-        self.finish("success", 100.0)
-        self.counts[1 + self.columns.index("tidy_success")] += 100.0 * self.rate
+        self.done.fill_(1)
+        succeeds = torch.arange(self.num_envs) >= 100.0 * (1.0 - self.rate)
+        self.result[:, self.columns.index("tidy_success")] = succeeds.float()
+        self.uncounted.zero_()
+
+    def reset_all(self) -> None:
+        """Begin again."""
+        self.done.zero_()
 
 
 def scored(tmp_path: Path) -> tuple[Scored, RslRlEnv, Runner]:
@@ -125,9 +130,9 @@ def test_the_checkpoint_with_the_best_score_is_kept(tmp_path: Path) -> None:
     def kept(name: str, rate: float) -> int:
         """Return of which iteration the best checkpoint is, after one at a rate of success in the recent episodes."""
         env.rate = rate
-        adapter.recent.zero_()
+        adapter.unaided.zero_()
         for _ in range(4):
-            adapter.step(torch.zeros(2, 9))
+            adapter.step(torch.zeros(120, 9))
         runner.current_learning_iteration = int(name)
         runner.save(str(tmp_path / f"model_{name}.pt"))
         return int(torch.load(tmp_path / BEST, weights_only=True)["iter"])
@@ -146,6 +151,35 @@ def test_the_checkpoint_with_the_best_score_is_kept(tmp_path: Path) -> None:
     _, later, resumed = scored(tmp_path)
     resumed.resume(tmp_path / "model_5.pt")
     assert resumed.best == pytest.approx(0.75) and later.score == pytest.approx(0.6), "what was best is remembered"
+
+
+def test_the_policy_is_measured_in_unaided_episodes_and_the_training_goes_on_as_if_it_had_not_been(tmp_path: Path) -> None:
+    env, adapter, runner = scored(tmp_path)
+    env.rate = 0.75
+    adapter.step(torch.zeros(120, 9))
+    before = {name: value for name, value in adapter.state_dict().items() if name != "worlds"}
+    observation = env.observation.clone()
+    measured = runner.measure()
+    assert (measured["episodes"], measured["rate"]) == (100, 0.75)
+    assert measured["low"] == pytest.approx(0.657, abs=1e-3)  # Wilson, 75 of 100
+    after = adapter.state_dict()
+    assert torch.equal(env.observation, observation)
+    assert torch.equal(before["rng"]["torch"], after["rng"]["torch"]) and before["steps"] == after["steps"]
+    assert all(torch.equal(before[name], after[name]) for name in ("counted", "recent", "unaided", "terms"))
+
+
+@pytest.mark.parametrize(("success", "last", "why"), [(0.96, 0, "96.0% are measured"), (0.5, 5, ""), (0.0, 2, "0.0% of")])
+def test_a_training_with_a_target_ends_where_it_is_reached_or_out_of_sight(
+    tmp_path: Path, success: float, last: int, why: str
+) -> None:
+    env = Scored()
+    env.rate = success
+    settings = load(PpoConfig, "ppo/default", **{**SMALL, "iterations": 6, "save_interval": 1, "target": 0.95})
+    metrics = train(env, settings, tmp_path)
+    assert latest(tmp_path) == tmp_path / f"model_{last}.pt"
+    assert metrics["ended"].startswith(why) and bool(metrics["ended"]) == bool(why)
+    assert metrics["measured"].get("rate", success) == pytest.approx(success)
+    assert metrics["env_steps"] == (last + 1) * settings.num_steps_per_env * env.num_envs
 
 
 def test_a_folder_with_the_best_checkpoint_alone_has_none_to_go_on_from(run: Path) -> None:

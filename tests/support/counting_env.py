@@ -27,8 +27,9 @@ class CountingEnv:
         self.sim, self.task, self.columns = SimpleNamespace(device="cpu"), TASK, (*TASK.RESULTS.names, *ERRORS)
         self.observation = torch.zeros(num_envs, OBSERVATIONS)
         self.reward, self.terms = torch.zeros(num_envs), torch.zeros(num_envs, len(TASK.REWARDS))
-        self.done = self.time_out = self.episode_step = torch.zeros(num_envs, dtype=torch.int32)
-        self.counts, self.uncounted = torch.zeros(1 + len(self.columns)), torch.zeros(num_envs)
+        self.done, self.time_out, self.episode_step, self.uncounted = torch.zeros(4, num_envs, dtype=torch.int32)
+        self.begun = torch.full((num_envs,), -1, dtype=torch.int32)
+        self.counts, self.result = torch.zeros(1 + len(self.columns)), torch.zeros(num_envs, len(self.columns))
 
     def step(self, action: torch.Tensor) -> None:
         """Count."""

@@ -30,6 +30,7 @@ class RslRlEnv(RslRlVecEnv):
         names: of `counted` and `recent`: "episodes", then the environment's columns.
         counted: sums over all finished episodes, shape [name], float64.
         recent: the same, where an episode that ended k control steps ago counts as RECENT ** k, float32.
+        unaided: number of those that did not begin on a demonstration, and of those among them that `score` counts, likewise.
     """
 
     def __init__(
@@ -52,6 +53,8 @@ class RslRlEnv(RslRlVecEnv):
         self.names = ("episodes", *env.columns)
         self.counted = torch.zeros(len(self.names), device=self.device, dtype=torch.float64)
         self.recent = torch.zeros(len(self.names), device=self.device)
+        self.unaided = torch.zeros(2, device=self.device)
+        self._scored = env.columns.index(env.task.RESULTS.logged[0])
         self._terms = torch.zeros(len(env.task.REWARDS), device=self.device)
         self._log_every, self._steps = log_every, 0
         self._teacher, self._taught = teacher, self._advice(teacher)
@@ -73,8 +76,8 @@ class RslRlEnv(RslRlVecEnv):
 
     @property
     def score(self) -> float:
-        """Rate of the task's first logged column over the recent episodes; NaN before the worlds are warm."""
-        episodes, hits = self.recent[0], self.recent[self.names.index(self.env.task.RESULTS.logged[0])]
+        """Rate of the task's first logged column over the recent unaided episodes; NaN before the worlds are warm."""
+        episodes, hits = self.unaided
         return float(hits / episodes) if self.warm else float("nan")
 
     def get_observations(self) -> TensorDict:
@@ -89,7 +92,11 @@ class RslRlEnv(RslRlVecEnv):
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Apply actions [world action]; return observations, rewards, dones, and what is logged."""
         env = self.env
+        unaided = (env.begun < 0) & (env.uncounted == 0)  # of the running episodes; the step begins new ones
         env.step(actions)
+        ended = unaided & (env.done == 1)
+        hits = torch.where(ended, env.result[:, self._scored], 0.0)
+        self.unaided.mul_(RECENT).add_(torch.stack([ended.sum(), hits.sum()]))
         self.counted.add_(env.counts)
         self.recent.mul_(RECENT).add_(env.counts)
         env.counts.zero_()
@@ -111,7 +118,8 @@ class RslRlEnv(RslRlVecEnv):
         states = {"torch": torch.get_rng_state()}
         if torch.device(self.device).type == "cuda":
             states["cuda"] = torch.cuda.get_rng_state(self.device)
-        sums = {"counted": self.counted.clone(), "recent": self.recent.clone(), "terms": self._terms.clone()}
+        kept = {"counted": self.counted, "recent": self.recent, "unaided": self.unaided, "terms": self._terms}
+        sums = {name: values.clone() for name, values in kept.items()}
         taught = {"teacher": self._teacher.state_dict(), "taught": self._taught} if self._teacher else {}
         return {
             "worlds": self.env.state_dict(),
@@ -131,6 +139,8 @@ class RslRlEnv(RslRlVecEnv):
         for name in ("counted", "recent"):
             for i, k in columns:
                 getattr(self, name)[i] = state[name][k]
+        if "unaided" in state:  # runs before it was kept go on with an empty one
+            self.unaided.copy_(state["unaided"])
         if len(state["terms"]) == len(self._terms):
             self._terms.copy_(state["terms"])
         if self._teacher:

@@ -25,6 +25,7 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
+from s2a.learn.evaluate import rate, run_episodes
 from s2a.learn.rl import config as processes
 from s2a.learn.rl import policy_file, run_folder
 from s2a.learn.rl.adapter import RslRlEnv
@@ -59,6 +60,19 @@ def widened(
             observed, privileged = new.tensor_split([given - count], dim=1)
             weights[name] = torch.cat([before[:, :count], observed, before[:, count:], privileged], dim=1)
     return weights
+
+
+NEAR = 0.03
+"""How far below the target the rate under exploration noise may be where the policy without it is measured."""
+IMITATE_BELOW = 0.5
+"""Measured rate of a policy to begin with below which it imitates the planner first."""
+HOPELESS, BY = 0.05, 1 / 3
+"""Rate below which a training with a target ends, once it has done this fraction of its iterations: what is still not found
+then was not found later in any run that was looked at."""
+
+
+class Ended(Exception):
+    """A training is over before its last iteration; the text says why."""
 
 
 class LazyLogger(Logger):
@@ -120,11 +134,17 @@ class Runner(OnPolicyRunner):
     Attributes:
         seconds: of training so far, in the processes before this one too.
         best: best score (`RslRlEnv.score`) of a checkpoint so far; NaN before the first.
+        target: measured rate at which training ends; None: at its last iteration.
+        iterations: number of the run's iterations.
+        measured: what `measure` returned last, {} before.
     """
 
     env: RslRlEnv
     seconds = 0.0
     best = math.nan
+    target: float | None = None
+    iterations = 0
+    measured: dict[str, float]
 
     def __init__(self, env: RslRlEnv, settings: dict[str, Any], log_dir: str | None, device: str) -> None:
         """Build what learns and what logs."""
@@ -133,6 +153,28 @@ class Runner(OnPolicyRunner):
         self.logger = LazyLogger(log_dir, self.cfg, env.cfg, env.num_envs, *place, device)
         self._resumed = False
         self._clock = time.perf_counter()
+        self.measured = {}
+
+    @torch.inference_mode()
+    def measure(self) -> dict[str, float]:
+        """Run the mean actions for one episode in every world from a fresh reset; training goes on as if it had not been done.
+
+        Returns:
+            "episodes": number of those that did not begin on a demonstration; "rate": of the task's first logged column among
+            them, with the Wilson 95 % interval "low" to "high".
+        """
+        worlds, running, begun = self.env.env, self.env.state_dict(), []
+        policy = self.get_inference_policy(device=str(self.device))
+        column = run_episodes(
+            worlds,
+            lambda observation: policy(TensorDict({"policy": observation}, batch_size=[len(observation)])),
+            lambda: None if begun else begun.append(worlds.begun.cpu().clone()),
+        )
+        self.env.load_state_dict(running)
+        self.alg.train_mode()
+        hits = column[worlds.task.RESULTS.logged[0]][begun[0] < 0]
+        self.measured = {"episodes": len(hits), **rate(float(hits.sum()), len(hits))}
+        return self.measured
 
     def learn(self, num_learning_iterations: int, init_at_random_ep_len: bool = False) -> None:
         """Train, and keep the time; worlds that were resumed keep their episode clocks."""
@@ -156,8 +198,33 @@ class Runner(OnPolicyRunner):
         with atomic_write(Path(path)) as out:
             super().save(str(out), run | {"run": self.env.state_dict()})
         if better:
-            with atomic_write(Path(path).with_name(BEST)) as out:
-                shutil.copyfile(path, out)
+            self._keep(path)
+        if self.target is not None:
+            self._judge(path, score)
+
+    @property
+    def reached(self) -> bool:
+        """Whether the last measured rate is the target or more."""
+        return self.target is not None and self.measured.get("rate", 0.0) >= self.target
+
+    def _keep(self, path: str) -> None:
+        """Copy a checkpoint to BEST."""
+        with atomic_write(Path(path).with_name(BEST)) as out:
+            shutil.copyfile(path, out)
+
+    def _judge(self, path: str, score: float) -> None:
+        """End a training that has reached its target, or will not; a rate under noise is NaN before the worlds are warm."""
+        assert self.target is not None
+        if not self.reached and score >= self.target - NEAR:
+            self.measure()
+        if self.reached:
+            self._keep(path)
+            raise Ended(f"{self.measured['rate']:.1%} are measured, the target is {self.target:.0%}")
+        if score < HOPELESS and self.current_learning_iteration >= BY * self.iterations:
+            raise Ended(
+                f"{score:.1%} of the recent episodes after {self.current_learning_iteration} of {self.iterations} iterations; "
+                "s2a evaluate images= shows where the arm stays; try another base or part"
+            )
 
     def load(
         self, path: str, load_cfg: dict | None = None, strict: bool = True, map_location: str | None = None
@@ -268,7 +335,7 @@ def train(
     out: Path,
     checkpoint: Path | None = None,
     init: Path | None = None,
-    teacher: Planner | None = None,
+    teacher: Callable[[], Planner] | None = None,
 ) -> dict[str, Any]:
     """Train a policy and write checkpoints, the TensorBoard log and rsl-rl's own report (train.log) into `out`.
 
@@ -277,13 +344,15 @@ def train(
         config: rsl-rl's settings.
         out: the folder.
         checkpoint: one in `out`, after which training goes on; None: it begins.
-        teacher: whom the policy imitates in the first iterations, if it does.
+        teacher: makes whom the policy imitates in the first iterations, if it does. A run that begins with another's networks
+            imitates where it has a target and these are measured below IMITATE_BELOW.
         init: of another run, with whose networks a training begins that does not go on; None: with random ones.
 
     Returns:
         The iteration it began with, environment steps (of all processes), seconds, environment steps a second of this
         process's training, the finished episodes and how many had each of ERRORS, the sums over recent episodes by name (of
-        all processes; zeros before the worlds are warm), and the curve: what was logged, a row an iteration.
+        all processes; zeros before the worlds are warm), "measured" (`Runner.measure`) and "ended" (why) where there is a target,
+        and the curve: what was logged, a row an iteration.
     """
     lead = processes.rank() == 0
     first = run_folder.iteration(checkpoint) + 1 if checkpoint else 0
@@ -296,31 +365,60 @@ def train(
     steps = iter(track(range(todo * config.num_steps_per_env), "train") if lead else range(0))
     with Path(out / "train.log" if lead else os.devnull).open("a") as log, contextlib.redirect_stdout(log):
         each = config.num_steps_per_env
-        adapter = RslRlEnv(env, config.reward_scale, lambda: next(steps, None), log_every=each, teacher=teacher)
-        runner = make_runner(adapter, config, out)
-        if checkpoint:
-            runner.resume(checkpoint)
-        elif init:
-            runner.begin_with(init)
+
+        def begun(teacher: Callable[[], Planner] | None) -> tuple[RslRlEnv, Runner]:
+            advice = teacher() if teacher else None
+            adapter = RslRlEnv(env, config.reward_scale, lambda: next(steps, None), log_every=each, teacher=advice)
+            runner = make_runner(adapter, config, out)
+            if checkpoint:
+                runner.resume(checkpoint)
+            elif init:
+                runner.begin_with(init)
+            if init:
+                runner.keep_normalizer()
+            return adapter, runner
+
         if init:
-            runner.keep_normalizer()
-        before = runner.seconds
+            far = checkpoint is not None and _imitates(checkpoint)
+            adapter, runner = begun(teacher if far else None)
+            if config.target is not None and not checkpoint and runner.measure()["rate"] < IMITATE_BELOW and teacher:
+                adapter, runner = begun(teacher)
+        else:
+            adapter, runner = begun(teacher)
+        before, why, learned = runner.seconds, "", False
+        runner.target, runner.iterations = config.target, config.iterations
         if todo:
-            runner.learn(todo, init_at_random_ep_len=True)
+            try:
+                if runner.reached:  # by the policy that it begins with
+                    runner.save(str(out / "model_0.pt"))
+                learned = True
+                runner.learn(todo, init_at_random_ep_len=True)
+            except Ended as end:
+                why = str(end)
+        if config.target is not None and not runner.reached and (out / BEST).is_file():
+            runner.load(str(out / BEST), {"actor": True}, map_location=str(env.sim.device))
+            runner.measure()
     next(steps, None)
     counted = dict(zip(adapter.names, processes.add_up(adapter.counted).tolist(), strict=True))
     recent = processes.add_up(adapter.recent * adapter.warm)
+    done = runner.current_learning_iteration + 1 - first if learned else 0
     processes.part()
     batch = config.num_steps_per_env * env.num_envs * processes.count()
     return {
         "first_iteration": first,
-        "env_steps": (first + todo) * batch,
+        "env_steps": (first + done) * batch,
         "seconds": runner.seconds,
-        "env_steps_per_second": todo * batch / max(runner.seconds - before, 1e-9),
+        "env_steps_per_second": done * batch / max(runner.seconds - before, 1e-9),
         **{name: int(counted[name]) for name in ("episodes", *ERRORS)},
         "recent": dict(zip(adapter.names, recent.tolist(), strict=True)),
+        **({"measured": runner.measured, "ended": why} if config.target is not None else {}),
         "curve": run_folder.curve(out) if lead else [],
     }
+
+
+def _imitates(checkpoint: Path) -> bool:
+    """Return whether a run that is to go on has a teacher."""
+    return "teacher" in torch.load(checkpoint, weights_only=True, map_location="cpu")["infos"]["run"]
 
 
 def load_model(env: VecEnv, checkpoint: Path) -> nn.Module:

@@ -52,6 +52,7 @@ ADDED = {
     "ppo.critic_iterations": 0,
     "ppo.critic_learning_rate": None,
     "ppo.tf32": False,
+    "ppo.target": None,
 }
 """Dotted key that older runs did not have -> the value by which they ran."""
 

@@ -208,8 +208,8 @@ def _report(config: Config, env: VecEnv, metrics: dict[str, Any]) -> str:
         why = metrics["ended"] or f"the target of {config.ppo.target:.0%} was not reached"
         lines = [] if not metrics["curve"] else lines
         lines.append(
-            f"{checkpoint}: {env.task.RESULTS.logged[0]} {measured['rate']:.1%} [{measured['low']:.1%}, {measured['high']:.1%}] of "
-            f"{measured['episodes']} episodes without exploration noise; {why}"
+            f"{checkpoint}: {env.task.RESULTS.logged[0]} {measured['rate']:.1%} [{measured['low']:.1%}, {measured['high']:.1%}] "
+            f"of {measured['episodes']} episodes without exploration noise; {why}"
         )
     if config.export and checkpoint:
         lines += [f"  {file}" for file in export(load_model(env, checkpoint), checkpoint)]

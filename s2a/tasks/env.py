@@ -170,7 +170,18 @@ class VecEnv:
         }
         names = ["past", "delay"] if s.past.size else []
         names += ["privileged"] if self.task.privileged else []
-        names += ["action", "observation", "step", "begun", "uncounted", "dropped", "overflow", "result", "counts", "rng"]
+        names += [
+            "action",
+            "observation",
+            "step",
+            "begun",
+            "uncounted",
+            "dropped",
+            "overflow",
+            "result",
+            "counts",
+            "rng",
+        ]
         arrays |= {name: getattr(s, name) for name in names}
         return arrays | {f"task.{name}": array for name, array in self.task.persistent().items()}
 

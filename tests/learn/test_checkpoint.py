@@ -153,7 +153,9 @@ def test_the_checkpoint_with_the_best_score_is_kept(tmp_path: Path) -> None:
     assert resumed.best == pytest.approx(0.75) and later.score == pytest.approx(0.6), "what was best is remembered"
 
 
-def test_the_policy_is_measured_in_unaided_episodes_and_the_training_goes_on_as_if_it_had_not_been(tmp_path: Path) -> None:
+def test_the_policy_is_measured_in_unaided_episodes_and_the_training_goes_on_as_if_it_had_not_been(
+    tmp_path: Path,
+) -> None:
     env, adapter, runner = scored(tmp_path)
     env.rate = 0.75
     adapter.step(torch.zeros(120, 9))
@@ -168,7 +170,9 @@ def test_the_policy_is_measured_in_unaided_episodes_and_the_training_goes_on_as_
     assert all(torch.equal(before[name], after[name]) for name in ("counted", "recent", "unaided", "terms"))
 
 
-@pytest.mark.parametrize(("success", "last", "why"), [(0.96, 0, "96.0% are measured"), (0.5, 5, ""), (0.0, 2, "0.0% of")])
+@pytest.mark.parametrize(
+    ("success", "last", "why"), [(0.96, 0, "96.0% are measured"), (0.5, 5, ""), (0.0, 2, "0.0% of")]
+)
 def test_a_training_with_a_target_ends_where_it_is_reached_or_out_of_sight(
     tmp_path: Path, success: float, last: int, why: str
 ) -> None:

@@ -163,7 +163,8 @@ class Runner(OnPolicyRunner):
             "episodes": number of those that did not begin on a demonstration; "rate": of the task's first logged column among
             them, with the Wilson 95 % interval "low" to "high".
         """
-        worlds, running, begun = self.env.env, self.env.state_dict(), []
+        worlds, running = self.env.env, self.env.state_dict()
+        begun: list[torch.Tensor] = []  # on which step of a demonstration each world's episode began
         policy = self.get_inference_policy(device=str(self.device))
         column = run_episodes(
             worlds,

@@ -76,8 +76,7 @@ class Editor:
     def rectangle(self, corners: np.ndarray) -> None:
         """Cut the selected front out as a rectangle; its hinge goes along.
 
-        Args:
-            corners: of the rectangle, on the front's plane as seen from the camera [m], shape [4 3].
+        `corners`: of the rectangle, on the front's plane as seen from the camera [m], shape [4 3].
         """
         if self.item is None or self.selected is None:
             return

@@ -36,12 +36,7 @@ MIN_OBJECT = 0.02
 
 
 def divide(surface: SplitSurface, free: np.ndarray) -> list[tuple[str, np.ndarray]]:
-    """Return labels and faces of what is left of a scan.
-
-    Args:
-        surface: the scan, z up.
-        free: which faces nobody has, shape [face].
-    """
+    """Return labels and faces of what is left of a scan. `free`: which faces nobody has, shape [face]."""
     left = free & (surface.source >= 0)
     structure = [(label, faces) for label, faces in _level(surface, left) if len(faces)]
     for _, faces in structure:

@@ -9,6 +9,7 @@ import numpy as np
 from s2a.annotate.region import FrontRegion
 from s2a.annotate.surface import SplitSurface
 from s2a.scene.geometry.mesh_ops import merge, painted
+from s2a.scene.geometry.planes import across
 from s2a.scene.scene import Joint, Mesh
 
 Shape = Literal["bar", "knob", "lever"]
@@ -52,10 +53,7 @@ STEEL = (150, 152, 156)
 def find(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> np.ndarray:
     """Return the faces of the handle at a clicked place; none where the mesh does not resolve it.
 
-    Args:
-        surface: the scan.
-        region: the front that it is on.
-        point: the place [m], shape [3].
+    `point`: the place [m], shape [3].
     """
     out = standing_out(surface, region)
     seeds = np.flatnonzero(out & (np.linalg.norm(surface.middles - point, axis=1) < NEAR))
@@ -181,10 +179,9 @@ def _towards_hinge(region: FrontRegion, foot: np.ndarray, joint: Joint | None) -
 def _rod(start: np.ndarray, end: np.ndarray, radius: float) -> Mesh:
     """Return a closed rod between two points [m], faces outwards."""
     along = (end - start) / np.linalg.norm(end - start)
-    x = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-    x /= np.linalg.norm(x)
+    x, y = across(along)
     angle = 2 * np.pi * np.arange(SIDES) / SIDES
-    ring = radius * (np.cos(angle)[:, None] * x + np.sin(angle)[:, None] * np.cross(along, x))
+    ring = radius * (np.cos(angle)[:, None] * x + np.sin(angle)[:, None] * y)
     i = np.arange(SIDES)
     j = (i + 1) % SIDES
     walls = [np.stack([i, j, j + SIDES], axis=1), np.stack([i, j + SIDES, i + SIDES], axis=1)]

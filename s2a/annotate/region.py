@@ -104,10 +104,7 @@ def grow_most(surface: SplitSurface, faces: np.ndarray, config: GrowConfig) -> F
 
     A handle, or an edge that a phone has rounded, can lie at the middle of a rectangle and is another plane than the front.
 
-    Args:
-        surface: the scan.
-        faces: that a rectangle shows, evenly spread; of two equal regions the one of the first face is taken.
-        config: how a region grows.
+    `faces`: that a rectangle shows, evenly spread; of two equal regions the one of the first face is taken.
     """
     best, most, grown = None, -1, np.empty(0, int)
     for face in faces:
@@ -211,9 +208,7 @@ def hinge(region: FrontRegion, points: np.ndarray) -> Joint:
 
     It opens to the side to which the front looks.
 
-    Args:
-        region: the front.
-        points: one or two points [m], shape [point 3].
+    `points`: one or two points [m], shape [point 3].
 
     Raises:
         ValueError: two points at one place.

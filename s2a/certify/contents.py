@@ -55,9 +55,7 @@ class Contents:
 def read(path: Path, part: str | None = None) -> Contents:
     """Open a sim.usd, as it is on disk now.
 
-    Args:
-        path: the file.
-        part: id of the articulated part to ask about; None: the first one.
+    `part`: id of the articulated part to ask about; None: the first one.
 
     Raises:
         InputError: no such file, not USD, a stage of another flavour, or no such part.
@@ -110,13 +108,6 @@ def fixed_carrier(held: Contents) -> Usd.Prim | None:
             return body
         body = held.stage.GetPrimAtPath(joint_ends(above[0])[0][0])
     return None
-
-
-def points(prim: Usd.Prim) -> np.ndarray:
-    """Return a mesh's points in the scene [m], shape [point 3], float64."""
-    values = np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get() or [], np.float64).reshape(-1, 3)
-    matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
-    return values @ matrix[:3, :3] + matrix[3, :3]
 
 
 def faces(prim: Usd.Prim) -> np.ndarray:

@@ -158,11 +158,7 @@ class MujocoWorld:
     ) -> tuple[float, int, int]:
         """Return the largest penetration of two groups of geoms [m], and the two; negative where there is a gap.
 
-        Args:
-            data: a state with up-to-date kinematics.
-            one: geoms.
-            other: geoms.
-            within: gaps wider than this [m] are all reported as this.
+        `within`: gaps wider than this [m] are all reported as this.
         """
         worst, pair = -within, (-1, -1)
         radius, center = self.mj.geom_rbound, data.geom_xpos

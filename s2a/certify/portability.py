@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
-from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig, points
+from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig
 from s2a.core.check import Check, no_problems
 from s2a.core.errors import InputError
 from s2a.scene.articulation import open_limit
 from s2a.scene.usd.joints import joint_ends, read_joint
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
+from s2a.scene.usd.stage import world_points
 
 STANDARD_GRAVITY = (9.78, 9.84)
 """[m/s^2] On the Earth's surface, from the equator to the poles."""
@@ -189,7 +190,7 @@ def _behind(contents: Contents, path: str) -> np.ndarray:
 
 def _bounds(contents: Contents, body: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners of the box around a body's colliders [m], scene coordinates; NaN if it has none."""
-    clouds = [points(prim) for prim in contents.colliders_of(body)]
+    clouds = [world_points(prim) for prim in contents.colliders_of(body)]
     clouds = [each for each in clouds if len(each)]
     if not clouds:
         return np.full(3, np.nan), np.full(3, np.nan)

@@ -108,13 +108,7 @@ OTHERS = (120, 150, 190)
 
 
 def images(path: Path, part: str, camera: OrbitCamera) -> dict[str, np.ndarray]:
-    """Return images [row column 3] of a sim.usd, by their captions; none where there is nothing to see of the part.
-
-    Args:
-        path: the stage.
-        part: id of the articulated part.
-        camera: intrinsics and framing of the images.
-    """
+    """Return images [row column 3] of a sim.usd, by their captions; none where there is nothing to see of the part."""
     room = sim_stage.read(path)
     body, scene = room.bodies[part], visible_room(room)
     if not len(body.visual.faces) or not scene.colliders:

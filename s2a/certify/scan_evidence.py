@@ -121,16 +121,7 @@ class BaseCheckConfig:
 def robot_base(
     path: str, base: Base, point: np.ndarray, surface: RayMesh, robot: RobotSpec, config: BaseCheckConfig
 ) -> list[Check]:
-    """Return the checks of a base pose.
-
-    Args:
-        path: of its prim.
-        base: the pose.
-        point: grasp point [m], scene coordinates, shape [3].
-        surface: everything that was scanned.
-        robot: of the robot that stands there.
-        config: bounds.
-    """
+    """Return the checks of a base pose. `point`: grasp point [m], scene coordinates, shape [3]."""
     problems = []
     if not base.free:
         problems.append((path, f"prepare found no pose without a collision; {base.reason}"))
@@ -220,13 +211,7 @@ def scanned(room: SimRoom, body: str) -> Mesh:
 
 
 def collider_fidelity(room: SimRoom, part: str, config: FidelityConfig) -> list[Check]:
-    """Return the checks of a part's colliders, of what carries it, and of the room around it.
-
-    Args:
-        room: with visuals.
-        part: id of the articulated part.
-        config: bounds.
-    """
+    """Return the checks of a part's colliders, of what carries it, and of the room around it. `room`: with visuals."""
     checks = []
     for body in (part, *room.carriers(part)):
         surface = scanned(room, body)
@@ -277,11 +262,7 @@ def shift(surface: Mesh, hulls: Sequence[Mesh], seen: float = SEEN, reach: float
     Point-to-plane alignment (Chen and Medioni 1992) by one translation; directions that fewer than `seen` of the surface tell of
     count as not shifted.
 
-    Args:
-        surface: as scanned.
-        hulls: of the same body.
-        seen: see SEEN.
-        reach: points farther from every hull tell nothing [m].
+    `reach`: points farther from every hull tell nothing [m].
     """
     if not hulls:
         return 0.0

@@ -9,12 +9,12 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig, faces, fixed_carrier, points
+from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig, faces, fixed_carrier
 from s2a.core.check import Check, at_most, no_problems
 from s2a.scene import scene
 from s2a.scene.usd.joints import KINDS, is_body, joint_ends
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
-from s2a.scene.usd.stage import ROOT, broken_rules, read_attribute, world_pose
+from s2a.scene.usd.stage import ROOT, broken_rules, read_attribute, world_points, world_pose
 
 EXACT = 1e-6
 """Largest difference of an exact value and its float32 copy [m or 1]."""
@@ -221,7 +221,7 @@ def usd(contents: Contents, config: ShapeConfig) -> Check:
 @STRUCTURE.check("room", needed_for="images")
 def finite(contents: Contents, config: ShapeConfig) -> Check:
     """Every coordinate of every surface is a number."""
-    bad = [(str(prim.GetPath()), int((~np.isfinite(points(prim))).any(axis=1).sum())) for prim in contents.meshes]
+    bad = [(str(prim.GetPath()), int((~np.isfinite(world_points(prim))).any(axis=1).sum())) for prim in contents.meshes]
     problems = [(path, f"{count} points are not finite") for path, count in bad if count]
     return no_problems("finite", problems, "correct the scan's points and export it again", f"{len(bad)} surfaces")
 
@@ -249,7 +249,7 @@ def convex(contents: Contents, config: ShapeConfig) -> Check:
     """Every collider is a closed convex surface; MuJoCo would silently fill what is not."""
     worst, where, message = 0.0, "", f"{len(contents.colliders)} colliders against their convex hulls"
     for prim in contents.colliders:
-        depth = dent(points(prim), faces(prim))
+        depth = dent(world_points(prim), faces(prim))
         if not depth <= worst:
             worst, where = depth, str(prim.GetPath())
     remedy = "decompose the collider into convex hulls; " + PREPARE_AGAIN
@@ -324,7 +324,7 @@ def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
     if not site or not region or not len(faces(region)):
         return Check(name, "skipped", message="requires check grasp_and_base")
     place, orientation = world_pose(site)
-    a, b, c = np.moveaxis(points(region)[faces(region)], 1, 0)
+    a, b, c = np.moveaxis(world_points(region)[faces(region)], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     away, limit = np.average((a + b + c) / 3.0, axis=0, weights=areas) - place, config.site
     if read_attribute(site, "internal", bool, False):

@@ -36,11 +36,7 @@ def general(commands: Mapping[str, str]) -> str:
 def command(name: str, meaning: str, cls: type, every: bool = False) -> str:
     """Return the help text of one command: examples, then keys with their defaults and their meaning.
 
-    Args:
-        name: of the command.
-        meaning: what it does.
-        cls: its settings.
-        every: List the keys inside groups, too; else a line a group says how many there are.
+    `every`: list the keys inside groups, too; else a line a group says how many there are.
     """
     values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
     texts = meanings(cls, config.compose(name))
@@ -96,12 +92,7 @@ def groups(name: str) -> dict[str, list[str]]:
 
 
 def options(name: str, cls: type) -> list[str]:
-    """List the options of the config groups of a command: of shared groups those that it can load.
-
-    Args:
-        name: the command.
-        cls: its settings.
-    """
+    """List the options of the config groups of a command: of shared groups those that it can load."""
     choices = groups(name)
     required = [f"{key}=given" for key, value in config.leaves(config.compose(name)) if value == config.REQUIRED]
     for group, names in choices.items():

@@ -75,10 +75,7 @@ Numbers = Annotated[tuple[float, ...], NotEmpty()]
 def check(kind: Any, value: Any, key: str = "") -> None:
     """Check a value against the bounds of its type, and those of the types inside it.
 
-    Args:
-        kind: the type, such as a dataclass of settings or the type of one of its fields.
-        value: an instance of it.
-        key: its dotted name.
+    `kind`: the type, such as a dataclass of settings or the type of one of its fields.
 
     Raises:
         InputError: naming the key, the value and the bounds.

@@ -76,15 +76,7 @@ def _bounded(
 
 
 def no_problems(name: str, problems: list[tuple[str, str]], remedy: str, message: str = "", prim: str = "") -> Check:
-    """Return the check that passes if there is no problem.
-
-    Args:
-        name: of the check.
-        problems: path of the prim and what is wrong with it.
-        remedy: what to do about them.
-        message: what to say if all is well.
-        prim: path of the prim asked.
-    """
+    """Return the check that passes if there is no problem. `problems`: path of the prim and what is wrong with it."""
     if not problems:
         return Check(name, "pass", 0.0, 0.0, "problems", prim, message)
     text = "; ".join(dict.fromkeys(problem for _, problem in problems[:5]))

@@ -79,10 +79,8 @@ def folder() -> Path:
 def compose(name: str, overrides: Sequence[str] = (), settings: type | None = None) -> dict[str, Any]:
     """Compose `conf/<name>.yaml` with `key=value` overrides in Hydra's grammar.
 
-    Args:
-        name: of the file.
-        overrides: what differs from it.
-        settings: dataclass of the values. What is given for its text and path keys is then taken as it is (see `_spared`).
+    `settings`: dataclass of the values. What is given for its text and path keys is then taken as it is (see
+    `_spared`).
 
     Returns:
         Plain nested dictionaries, interpolations resolved; `???` stays where a required value was not given.
@@ -195,12 +193,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def plain(config: Any, resolve: bool = True) -> dict[str, Any]:
-    """Turn a composed Hydra configuration into nested dictionaries; required values without a value stay `???`.
-
-    Args:
-        config: the DictConfig.
-        resolve: Replace interpolations by their values.
-    """
+    """Turn a composed Hydra configuration into nested dictionaries; required values without a value stay `???`."""
     return dict(OmegaConf.to_container(config, resolve=resolve))  # type: ignore[arg-type]
 
 
@@ -332,12 +325,7 @@ def nearest(name: str, names: Iterable[str]) -> str:
 
 
 def explain(error: Exception, names: Iterable[str]) -> str:
-    """Turn an error of Hydra or OmegaConf about the overrides into one line.
-
-    Args:
-        error: their exception.
-        names: the keys that can be overridden.
-    """
+    """Turn an error of Hydra or OmegaConf about the overrides into one line."""
     text = str(error)
     if isinstance(error, OverrideParseException):
         return f"{error.override!r} is not key=value; quote a value with special characters: 'key=\"value\"'"

@@ -35,10 +35,7 @@ def held(place: Path, output: str, command: str) -> Iterator[None]:
 
     The system ends a lock (flock) with the process that holds it, also when that is killed; over NFS it holds between machines.
 
-    Args:
-        place: the output, without links, in a folder that exists.
-        output: its key and value in a message.
-        command: the holder, as a message names it.
+    `place`: the output, without links, in a folder that exists.
 
     Raises:
         InputError: another process holds it.

@@ -50,9 +50,7 @@ def keys(settings: type) -> list[str]:
 def locked(outputs: Mapping[str, Path], command: str) -> Iterator[None]:
     """Keep other commands from the outputs of this one while the block runs.
 
-    Args:
-        outputs: by key.
-        command: as others name it.
+    `outputs` are paths by key.
 
     Raises:
         InputError: another command holds one of them, or one cannot be written.
@@ -76,10 +74,7 @@ def _remove_empty(folders: Iterable[Path]) -> None:
 def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
     """Raise an InputError if writing a folder would delete foreign files, or inputs that are still needed.
 
-    Args:
-        path: the folder to write.
-        earlier: a file in it by which an earlier output is known, which may be replaced.
-        read: files that are still needed.
+    `earlier`: a file in it by which an earlier output is known, which may be replaced.
     """
     _refuse_foreign(path, earlier)
     for file in read:
@@ -136,9 +131,7 @@ def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
 
     When it fails, the temporary path is deleted and an earlier output at `path` stays unchanged.
 
-    Args:
-        path: the file or folder to write.
-        earlier: where `path` is a folder, a file in it by which an earlier output is known, which may be replaced.
+    `earlier`: where `path` is a folder, a file in it by which an earlier output is known, which may be replaced.
 
     Raises:
         InputError: a file is to be written where a folder is, or a folder where a file is, or one that is neither empty nor an
@@ -189,8 +182,7 @@ def replace_file(path: Path, write: Callable[[Path], object]) -> None:
 def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
     """Yield a new folder, and delete it afterwards; delete those that killed processes have left there, too.
 
-    Args:
-        beside: the folder is made beside this path; None: in the system's folder for temporary files.
+    `beside`: the folder is made beside this path; None: in the system's folder for temporary files.
     """
     room, lock = _new_folder(beside or Path(tempfile.gettempdir(), "s2a"))
     try:

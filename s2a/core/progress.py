@@ -20,10 +20,7 @@ T = TypeVar("T")
 def track(items: Iterable[T], description: str, total: int | None = None) -> Iterator[T]:
     """Yield the items with a progress bar and the remaining time, if stderr is a terminal.
 
-    Args:
-        items: items of the loop.
-        description: caption of the bar.
-        total: number of items; needed only where `len(items)` is not known.
+    `total`: number of items; needed only where `len(items)` is not known.
     """
     # Rich costs 0.1 s to import, which commands that finish at once should not pay.
     from rich.console import Console

@@ -14,6 +14,7 @@ from s2a.core.bounds import Fraction, NotNegative
 from s2a.homes.room import Entry, Room
 from s2a.homes.scanner import ScannerConfig, scan
 from s2a.homes.solids import FABRIC, PLAIN, WOOD, Surface, rotation
+from s2a.scene.geometry.mesh_ops import vertex_normals
 from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
 from s2a.scene.scene import Joint, Mesh
 
@@ -46,12 +47,7 @@ def face_numbers(
 ) -> np.ndarray:
     """Return the number of the part that each scanned face is given to, shape [face].
 
-    Args:
-        mesh: the clean room.
-        numbers: the part of each of its faces.
-        centroids: of the scanned faces, in the frame of the mesh [m], shape [face 3].
-        config: how ragged borders are.
-        rng: where the errors come from.
+    `centroids`: of the scanned faces, in the frame of the mesh [m], shape [face 3].
     """
     places = centroids + rng.normal(0.0, config.border, centroids.shape)
     return numbers[nearest_faces(mesh, places)[0]]
@@ -185,14 +181,6 @@ def _sighted(mesh: RayMesh, points: np.ndarray, normals: np.ndarray, cameras: np
     return places
 
 
-def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return unit normals of vertices, weighted by area, shape [vertex 3]."""
-    a, b, c = np.moveaxis(vertices[faces].astype(np.float64), 1, 0)
-    cross = np.cross(b - a, c - a)
-    total = np.stack([np.bincount(faces.ravel(), np.repeat(cross[:, i], 3), len(vertices)) for i in range(3)], axis=1)
-    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
-
-
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Weights of red, green and blue (ITU-R BT.709)."""
 LIGHT = 0.3
@@ -230,14 +218,7 @@ class Capture:
         return vertex_colors(seen, self._clean, nearest_faces(self._mesh, seen)[0], self._paint)
 
     def numbers(self, mesh: Mesh, owners: np.ndarray, config: AnnotationConfig, rng: np.random.Generator) -> np.ndarray:
-        """Return the part that an annotator gives each face of the scan to, shape [face].
-
-        Args:
-            mesh: the scan.
-            owners: the part of each face of the clean room.
-            config: the annotator's errors.
-            rng: where they come from.
-        """
+        """Return the part that an annotator gives each face of the scan to, shape [face]."""
         corners = (mesh.vertices @ self._turn.T)[mesh.faces].mean(axis=1)
         if self.config.colors == "camera":
             normals = vertex_normals(mesh.vertices, mesh.faces)[mesh.faces].mean(axis=1)

@@ -172,11 +172,7 @@ THEMES: dict[str, tuple[Maker, ...]] = {
 def fill(rng: np.random.Generator, board: Board, theme: str, count: int) -> tuple[Piece, ...]:
     """Return up to `count` things of a theme that stand on a board and keep clear of each other.
 
-    Args:
-        rng: which, where and how turned.
-        board: what they stand on.
-        theme: a key of THEMES.
-        count: how many are tried.
+    `theme`: a key of THEMES.
     """
     placed: list[Piece] = []
     taken: list[np.ndarray] = []

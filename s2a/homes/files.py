@@ -40,11 +40,7 @@ def write_json(path: Path, content: Any) -> None:
 def parts_record(name: str, mesh: Mesh, numbers: np.ndarray, entries: list[Entry]) -> dict[str, Any]:
     """Return Articulate3D's segmentation: the faces and vertices of each part of articulated objects.
 
-    Args:
-        name: the scan's name.
-        mesh: the scan.
-        numbers: the part of each face, shape [face].
-        entries: all parts of the room.
+    `numbers`: the part of each face, shape [face].
     """
     annotated = [entry for entry in entries if entry.articulated]
     area = mesh.face_areas
@@ -115,13 +111,7 @@ def _footprint(points: np.ndarray) -> np.ndarray:
 
 
 def artic_record(name: str, entries: list[Entry], joints: dict[int, Joint]) -> dict[str, Any]:
-    """Return Articulate3D's articulations: radians and metres, relative to the scanned pose.
-
-    Args:
-        name: the scan's name.
-        entries: all parts of the room.
-        joints: the annotated joints by part number.
-    """
+    """Return Articulate3D's articulations: radians and metres, relative to the scanned pose."""
     annotated = [entry for entry in entries if entry.articulated]
     parts = [
         {"pid": entry.number, "label": entry.label, "group": GROUPS.get(entry.piece.name, "others")}

@@ -153,16 +153,7 @@ def random_style(
     drawers: str = "paper",
     panels: tuple[str, ...] = (),
 ) -> Style:
-    """Return the style of one piece of furniture.
-
-    Args:
-        rng: all that is not given.
-        colors: of the home.
-        theme: of what is in it, see `clutter.THEMES`.
-        top: of what is on it.
-        drawers: of what is in its drawers.
-        panels: of its doors, see `front`; empty: any.
-    """
+    """Return the style of one piece of furniture. `panels`: of its doors, see `front`; empty: any."""
     wooden = chance(rng, 0.5)
     front = colors.wood if wooden else colors.paint
     body = front if chance(rng, 0.6) else pick(rng, ((230, 228, 222), colors.wood))

@@ -79,9 +79,7 @@ def home(name: str, seed: int) -> Room:
 def furnish(name: str, rng: np.random.Generator) -> Room:
     """Return a furnished room of a kind.
 
-    Args:
-        name: a key of HOMES.
-        rng: everything that is drawn.
+    `name`: a key of HOMES.
 
     Raises:
         InputError: no attempt found a place for all that such a room needs.

@@ -366,12 +366,7 @@ def cad(entries: list[Entry]) -> tuple[Surface, np.ndarray]:
 
 
 def part_truth(entry: Entry, ids: Mapping[int, str]) -> dict[str, Any]:
-    """Return the exact facts about one part: label, style, size, pose, joint, what carries it, a handle's family and lengths.
-
-    Args:
-        entry: the part.
-        ids: of all parts by their numbers.
-    """
+    """Return the exact facts about one part: label, style, size, pose, joint, what carries it, a handle's family and lengths."""
     joint = entry.piece.joint
     facts: dict[str, Any] = {
         "label": entry.label,

@@ -269,12 +269,7 @@ class Scan:
 
 
 def sample(config: SampleConfig, out: Path) -> None:
-    """Write a virtual scan into a folder, and `truth/` beside it.
-
-    Args:
-        config: what is scanned, and how.
-        out: folder to write into; it is created.
-    """
+    """Write a virtual scan into a folder, and `truth/` beside it. `out`: folder to write into; it is created."""
     write(scan_room(config), config, out)
 
 

@@ -105,10 +105,7 @@ def _average(weight: wp.array(dtype=float), distance: wp.array(dtype=float)):
 def fuse(views: list[View], bounds: np.ndarray, config: FusionConfig) -> Field:
     """Return the field of distances that all panoramas together measure.
 
-    Args:
-        views: the panoramas.
-        bounds: smallest and largest corner of what is of interest [m], shape [2 3]; what lies outside is cropped.
-        config: voxels and truncation.
+    `bounds`: smallest and largest corner of what is of interest [m], shape [2 3]; what lies outside is cropped.
     """
     field = _allocate(views, bounds, config)
     lengths = [config.voxel, config.voxel * config.truncation, config.voxel * config.depth]
@@ -208,10 +205,7 @@ def project_to_scan(net: Net, views: list[View], reach: float) -> Net:
 
     Each panorama that sees a vertex weighs as much as in the fusion; where none measured anything, it stays.
 
-    Args:
-        net: the surface.
-        views: the panoramas.
-        reach: planes farther than this from a vertex, across or along the ray, are of something else [m].
+    `reach`: planes farther than this from a vertex, across or along the ray, are of something else [m].
     """
 
     def settle(some: slice) -> np.ndarray:

@@ -279,8 +279,7 @@ class JointWorlds:
     def loss(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return each joint's loss, shape [joint], and its gradient, shape [joint parameter].
 
-        Args:
-            parameters: PARAMETERS, shape [joint parameter].
+        `parameters`: PARAMETERS, shape [joint parameter].
         """
         self.evaluations += 1
         self._given.assign(parameters.astype(np.float32))

@@ -103,10 +103,7 @@ def fit(body: Moving, pulls: Sequence[Pull], force_noise: float) -> Dynamics:
     A force's noise is an error of the outcome alone, and biases nothing; that of positions hardly shows in the smoothed
     accelerations. Breakaway is not asked for; a soft close is left out where it does not tell itself.
 
-    Args:
-        body: with the stage's mass.
-        pulls: recordings at one rate.
-        force_noise: standard deviation of their samples [N], for the misfit alone.
+    `force_noise`: standard deviation of the samples [N], for the misfit alone.
 
     Raises:
         InputError: the pulls do not move long enough.
@@ -204,14 +201,7 @@ STEP = 0.01
 def identify(
     bodies: Sequence[Moving], pulls: Sequence[Sequence[Pull]], noise: Noise, device: str = "cpu"
 ) -> list[Dynamics]:
-    """Return the dynamics of each body's joint that explain its recordings best.
-
-    Args:
-        bodies: with the stage's masses.
-        pulls: one or more recordings of each, all at one rate.
-        noise: of their samples.
-        device: cpu or cuda:0.
-    """
+    """Return the dynamics of each body's joint that explain its recordings best. `device`: cpu or cuda:0."""
     worlds = JointWorlds(bodies, pulls, same_step([pull for own in pulls for pull in own]), noise, device)
 
     def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -141,8 +141,7 @@ class ArmWorlds:
     def roll(self, setpoint: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return path [m] and speed [m/s] of the parts and force on their handles along it [N], shape [step world] each.
 
-        Args:
-            setpoint: path of the arm's set-point [m], from where the part begins, shape [step world].
+        `setpoint`: path of the arm's set-point [m], from where the part begins, shape [step world].
         """
         self._setpoint.assign((self._start + self._sign * setpoint).astype(np.float32))
         wp.capture_launch(self._graphs[0])

@@ -68,10 +68,7 @@ class Moving:
 def moving(room: SimRoom, part: str, reach: float = REACH) -> Moving:
     """Return an articulated part of a room as a body on its joint; what carries it stands still.
 
-    Args:
-        room: with the part.
-        part: its id.
-        reach: of a soft close [m], where the stage says nothing of it.
+    `reach`: of a soft close [m], where the stage says nothing of it.
     """
     articulation = room.articulations[part]
     body = Moving(articulation.joint, room.bodies[part].mass, np.array(articulation.grasp.point), reach)

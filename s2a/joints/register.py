@@ -57,11 +57,7 @@ and behind it on its sides."""
 def moving_faces(joint: Joint, patch: Patch, closed: OrientedMesh, opened: OrientedMesh) -> np.ndarray:
     """Return the indices of the closed scan's faces that move with a part, ascending.
 
-    Args:
-        joint: as fitted.
-        patch: of its front.
-        closed: the closed scan, all of it.
-        opened: the open scan in the closed one's frame, all of it.
+    `opened`: the open scan in the closed one's frame, all of it.
     """
     near = np.flatnonzero(near_box(closed.centroids, patch, ROOM))
     cloud = Cloud(closed.centroids[near], closed.normals[near], near)
@@ -224,15 +220,7 @@ def label(index: int, proposal: Proposal) -> str:
 
 
 def write(registration: Registration, mesh: ScanMesh, name: str, out: Path, **facts: Any) -> None:
-    """Write proposals as an annotated scan into a folder.
-
-    Args:
-        registration: the proposals.
-        mesh: of the closed scan.
-        name: of the scan.
-        out: the folder, which exists.
-        facts: what else register.json says.
-    """
+    """Write proposals as an annotated scan into a folder. `facts`: what else register.json says."""
     shutil.copyfile(mesh.path, out / folder.MESH)
     labels = [label(i, proposal) for i, proposal in enumerate(registration.proposals)]
     numbered = list(zip(range(1, len(labels) + 1), labels, registration.proposals, strict=True))

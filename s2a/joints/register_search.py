@@ -88,13 +88,7 @@ def _bounding_axes(local: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def held(joint: Joint, patch: Patch, still: OrientedMesh) -> tuple[float, float]:
-    """Return the fraction of a patch's border that has something near that stands still, and that of its hinge, or 1.
-
-    Args:
-        joint: the joint that is asked about.
-        patch: of the part.
-        still: what both scans show.
-    """
+    """Return the fraction of a patch's border that has something near that stands still, and that of its hinge, or 1."""
     sides = border(patch)
     around = np.mean([_near(side, still).mean() for side in sides])
     if joint.kind == "prismatic":
@@ -125,10 +119,7 @@ def gone(patch: Patch, opened: OrientedMesh, joint: Joint | None = None) -> floa
 
     What was hidden, by a door that opened before it, is seen from nowhere: every line to it meets the back of a surface.
 
-    Args:
-        patch: of the closed scan.
-        opened: the open scan, all of it.
-        joint: of the patch, whose lines to itself where it stands open are left out; None: all lines count.
+    `joint`: of the patch, whose lines to itself where it stands open are left out; None: all lines count.
     """
     points = _places(patch)
     rays = _cone(patch.normal)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import ndimage
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
+from s2a.scene.geometry.occupancy import connected_cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +55,7 @@ class OrientedMesh:
         return OrientedMesh(self.vertices @ motion[:3, :3].T + motion[:3, 3], self.faces)
 
     def sample(self, count: int, seed: int = 0, among: np.ndarray | None = None) -> Cloud:
-        """Return random points, evenly spread over the area.
-
-        Args:
-            count: number of points.
-            seed: of the draw.
-            among: indices of the faces to take, or None for all.
-        """
+        """Return random points, evenly spread over the area. `among`: indices of the faces to take, or None for all."""
         among = np.arange(len(self.faces)) if among is None else among
         rng = np.random.default_rng(seed)
         weights = self.areas[among]
@@ -225,11 +219,7 @@ def connected(cloud: Cloud, min_samples: int) -> list[Patch]:
     """Return the connected pieces of points on one plane that are large enough."""
     normal, centre = plane(cloud.points, cloud.normals)
     across = np.linalg.svd(normal[None])[2][1:]
-    cells = np.floor((cloud.points - centre) @ across.T / CELL).astype(int)
-    cells -= cells.min(axis=0)
-    grid = np.zeros(cells.max(axis=0) + 1, bool)
-    grid[tuple(cells.T)] = True
-    labels = ndimage.label(grid, np.ones((3, 3)))[0][tuple(cells.T)]
+    labels = connected_cells(np.floor((cloud.points - centre) @ across.T / CELL).astype(int))
     pieces = []
     for number in range(1, labels.max() + 1):
         some = cloud[labels == number]

@@ -83,12 +83,7 @@ class ValidationFeedback(Exception):
 def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int, usage: UsageLog) -> T:
     """Ask until an answer is accepted, and return what it is parsed to.
 
-    Args:
-        model: the language model.
-        request: the question.
-        accept: parses an answer; raises ValidationFeedback that goes back to the model.
-        retries: answers that may be rejected.
-        usage: log of the answers, appended to.
+    `accept`: parses an answer; raises ValidationFeedback that goes back to the model.
 
     Raises:
         InputError: no answer could be used.

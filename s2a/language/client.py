@@ -225,10 +225,7 @@ def kind_of(config: LlmConfig) -> str:
 def choose(config: LlmConfig, record: Path | None, fallback: Model = rules) -> Model:
     """Return the model that is asked for; its answers are added to the recording `record`, if one is given.
 
-    Args:
-        config: which one.
-        record: the recording, or None.
-        fallback: the rules of llm=rules.
+    `record`: the recording, or None.
 
     Raises:
         InputError: replay without a recording, or chat without a key.

@@ -114,9 +114,7 @@ def baseline(agent: Agent, env: VecEnv, seed: int) -> Policy:
 def warn_of_errors(counts: Mapping[str, float], env: VecEnv) -> None:
     """Log a warning for each of ERRORS that befell `metrics.error_fraction` of the episodes or more.
 
-    Args:
-        counts: "episodes", and how many of them had each of ERRORS.
-        env: whose settings the remedy names.
+    `counts`: "episodes", and how many of them had each of ERRORS.
     """
     sim = env.sim.config
     causes = {

@@ -62,11 +62,7 @@ class Correction:
     ) -> None:
         """Begin with nothing to be added.
 
-        Args:
-            sim: whose worlds.
-            trajectories: several, of which each world follows one.
-            anchors: one of each.
-            stage: index of the trajectory of each world, shape [world]; None: the first one.
+        `stage`: index of the trajectory of each world, shape [world]; None: the first one.
         """
         arm = len(sim.robot.arm_joints)
         self.anchors, self._kin = anchors, kinematics(sim.robot)
@@ -223,11 +219,7 @@ def lead_handle(correction: Correction, tracked: TrackedPart, part: np.ndarray, 
     With q the planned coordinate of the part, M(q) its motion, and s the fraction of the planned opening that it is open, the
     tool's pose T becomes M(s q) M(q)^-1 T.
 
-    Args:
-        correction: of the anchor "handle".
-        tracked: the part.
-        part: planned coordinates, shape [step].
-        worlds: which.
+    `part`: planned coordinates, shape [step].
     """
     planned, joint, base = part[correction.at[0]], tracked.joint, tracked.base
     now = tracked.coordinates(worlds)
@@ -254,13 +246,7 @@ class Retries:
     """
 
     def __init__(self, sim: Simulation, trajectory: Trajectory, shifted: Correction) -> None:
-        """Take a trajectory that picks, and knows a way back.
-
-        Args:
-            sim: whose worlds have one object each.
-            trajectory: all of it.
-            shifted: what moves its grasp to where the object stands.
-        """
+        """Take a trajectory that picks, and knows a way back."""
         object_, held, retry = trajectory.anchor("object"), trajectory.anchor("held"), trajectory.retry
         assert object_ and held and held.held is not None and retry
         self._sim, self._shifted, self._held = sim, shifted, held.held

@@ -16,7 +16,6 @@ from s2a.scene.geometry.mesh_query import (
     Forest,
     first_hits,
     nearest_faces,
-    nearest_faces_of_solids,
     nearest_meshes,
     ray_mesh,
 )
@@ -171,7 +170,7 @@ class _Solids:
         """
         if self.rays is None:
             return np.full(len(points), -1), np.full(len(points), np.inf)
-        face, gap = nearest_faces_of_solids(self.rays, points, reach, INSIDE)
+        face, gap = nearest_faces(self.rays, points, reach, INSIDE)
         before = np.einsum("pi,pi->p", points - self._corner[face], self._normal[face])
         return np.where(face >= 0, self._owner[face], -1), np.where(before < -0.5 * gap, -gap, gap)
 

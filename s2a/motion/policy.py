@@ -56,14 +56,7 @@ class Pace:
     """
 
     def __init__(self, sim: Worlds, trajectory: Trajectory, limits: JointLimits, frequency: float) -> None:
-        """Begin as fast as planned.
-
-        Args:
-            sim: whose worlds.
-            trajectory: all of it.
-            limits: of the arm's joints.
-            frequency: control steps a second.
-        """
+        """Begin as fast as planned."""
         self._limits, self._frequency = limits, frequency
         self._arm = trajectory.targets[:, : len(sim.robot.arm_joints)]
         self._count, self._device = sim.num_envs, sim.device

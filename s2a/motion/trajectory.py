@@ -168,12 +168,7 @@ def timed(
 ) -> np.ndarray:
     """Return targets [step arm] along a joint path [pose arm], at rest at both ends, without its first pose.
 
-    Args:
-        path: evenly spaced poses.
-        duration: at least [s]; more where a limit demands it.
-        limits: of the joints.
-        rate: steps a second.
-        progress: in time.
+    `duration`: at least [s]; more where a limit demands it.
     """
     steps = max(2, math.ceil(duration * rate))
     for _ in range(3):

@@ -99,15 +99,6 @@ def find_base(
 
     Inverse kinematics take most of the time: they are asked for many places at once, and for none where the robot starts in
     something. Places whose floor is assumed are tried where none on scanned floor is free.
-
-    Args:
-        scene: the room.
-        target: the part.
-        grasp: where it is taken hold of.
-        moving: ids of all parts that move.
-        swept: collision hulls that cover their path.
-        config: where the robot may stand.
-        robot: the robot.
     """
     joint, point, shape = scene.joint(target), np.array(grasp.point), robot_shape(robot)
     opening = opening_coordinate(joint, point, config.opening)

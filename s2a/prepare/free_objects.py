@@ -142,12 +142,6 @@ def free_objects(
 ) -> list[FreeObject]:
     """Return objects that were part of the room as free bodies, each once.
 
-    Args:
-        scene: the room.
-        parts: ids of the objects.
-        articulated: ids of the parts that move on joints.
-        config: how.
-
     Raises:
         InputError: one of them cannot be extracted (see `free_object`), or stands on one of them or on a part that moves.
     """

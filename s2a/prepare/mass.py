@@ -80,9 +80,7 @@ def cabinet_walls(surface: Mesh, target: Target) -> list[Mesh]:
     A wall is added where the scan shows that the furniture ends there, along half of its length or more, and less than half
     of the wall itself. None for furniture that is no plain box, or whose doors open upwards.
 
-    Args:
-        surface: of the furniture, without what moves.
-        target: a part of it that moves; it is at the front.
+    `target`: a part of the furniture that moves; it is at the front.
     """
     inwards = -opening_direction(target.joint, target.point)
     inwards = np.array([*inwards[:2], 0.0])
@@ -178,10 +176,7 @@ def annotated_mass(scene: Scene, members: Sequence[str]) -> float | None:
 def moving_mass(scene: Scene, members: Sequence[str], config: MassConfig) -> tuple[float, str]:
     """Return the mass of an articulated part's body [kg] and where it comes from: annotated, or by its family's rule.
 
-    Args:
-        scene: the room.
-        members: ids of the parts that move together, the one that gives the body its name first.
-        config: what to assume.
+    `members`: ids of the parts that move together, the one that gives the body its name first.
     """
     annotated = annotated_mass(scene, members)
     if annotated is not None:

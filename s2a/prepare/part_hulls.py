@@ -242,11 +242,6 @@ def filtered_pairs(
 
     Hulls bulge over what was scanned: of two neighbouring doors one can hit the other's handle, which must not be cut off for
     that. The other body stands at its scanned pose. Of bodies that only touch the depth is 0.
-
-    Args:
-        moving: articulated parts by id.
-        fixed: cabinets and anchors by id.
-        joints: of the articulated parts.
     """
     depths: dict[str, dict[str, float]] = {part: {} for part in moving}
     bounds = {i: _bounds([c.mesh for c in body.colliders]) for i, body in {**fixed, **moving}.items()}

@@ -70,9 +70,7 @@ class Refined:
 def refine(scene: Scene, config: RefineConfig) -> dict[str, Refined]:
     """Return every joint of a scene as its scan improves it, by the part's id.
 
-    Args:
-        scene: as read from a scan or a geometric stage: no surface trimmed.
-        config: how far furniture and annotations are trusted.
+    `scene`: as read from a scan or a geometric stage: no surface trimmed.
     """
     if not scene.movable:
         return {}

@@ -181,10 +181,7 @@ class Loss:
 
         Joints meet only in the frames, so that one parameter of all joints, or of all frames, is moved at once.
 
-        Args:
-            parameters: where.
-            frame: number of each joint's frame.
-            step: of the differences.
+        `frame`: number of each joint's frame.
         """
         count, cut = len(self.joints), COUNT * len(self.joints)
         hessian = np.zeros((self.size, self.size))
@@ -279,14 +276,7 @@ MOST = 400_000
 
 
 def path(faces: Faces, part: str, number: int, weight: float) -> PartPath | None:
-    """Return the path of a part, or None where nothing lies around it.
-
-    Args:
-        faces: of the room.
-        part: id of a part that moves.
-        number: of its joint.
-        weight: of the mean squared depth [1/m^2].
-    """
+    """Return the path of a part, or None where nothing lies around it. `weight`: of the mean squared depth [1/m^2]."""
     surface, scene, joint = faces.surface, faces.surface.scene, faces.surface.scene.joint(part)
     own = scene.parts[part].mesh
     if not own.face_areas.any() or not open_limit(joint):

@@ -141,14 +141,7 @@ def prior_terms(number: int, axis: float, origin: float, config: RefineConfig, k
 def flush_terms(
     numbers: Mapping[str, int], joints: Sequence[Joint], seen: Mapping[str, Seen], config: RefineConfig
 ) -> list[Term]:
-    """Return that closed fronts lie in one plane, for those that stand before the others' plane.
-
-    Args:
-        numbers: of the joints, by part.
-        joints: as annotated.
-        seen: fronts of one piece of furniture, by part.
-        config: settings.
-    """
+    """Return that closed fronts lie in one plane, for those that stand before the others' plane."""
     terms = []
     for part, own in seen.items():
         joint = joints[numbers[part]]

@@ -226,12 +226,7 @@ def cut_all(
 ) -> list[Mesh]:
     """Return the largest convex parts of a hull that are free of all obstacles, the hull itself where it is free of them.
 
-    Args:
-        hull: what is cut.
-        obstacles: convex hulls that nothing of it may reach into.
-        count: largest number of parts.
-        min_volume: none is left of a cut hull whose largest part is smaller [m^3].
-        min_cut_volume: the same for each of its other parts.
+    `min_volume`: none is left of a cut hull whose largest part is smaller [m^3]; `min_cut_volume` the same for its other parts.
     """
     hit = [obstacle for obstacle in obstacles if overlap(hull, obstacle) > APART]
     if not hit:

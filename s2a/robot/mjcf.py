@@ -32,11 +32,6 @@ def read(path: Path, arm: Sequence[str], fingers: Sequence[str]) -> ElementTree.
     arm's) are moved through their range in a simulation without gravity, and every joint that moves with them mimics the nearest
     finger joint.
 
-    Args:
-        path: the file.
-        arm: names of the arm's joints.
-        fingers: names of the finger joints.
-
     Raises:
         InputError: MuJoCo cannot read the file; a body has several joints, or a ball or free joint; a joint of the linkage is no
             linear function of its finger joint.

@@ -37,9 +37,7 @@ def bake(mesh: SourceMesh, texel: float) -> Baked:
 
     An edge is split for both faces beside it, so that the surface stays connected.
 
-    Args:
-        mesh: the file's mesh.
-        texel: length of the edges to aim at where there is detail, in the file's unit.
+    `texel`: length of the edges to aim at where there is detail, in the file's unit.
     """
     mesh = merged(mesh)
     source_face = np.arange(len(mesh.faces))

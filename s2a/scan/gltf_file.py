@@ -187,10 +187,7 @@ class GltfMaterials:
     ) -> tuple[np.ndarray, np.ndarray, Material | None]:
         """Return texture coordinates [face 3 2], v upwards, linear colours [face 3 3], and the material of a primitive.
 
-        Args:
-            primitive: of a mesh.
-            faces: vertex indices, shape [face 3].
-            count: number of vertices.
+        `faces`: vertex indices, shape [face 3].
         """
         attributes = primitive["attributes"]
         inside = np.clip(faces, 0, count - 1)  # a damaged index is refused later, with its number

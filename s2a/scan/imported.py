@@ -96,16 +96,7 @@ def place(
 ) -> Imported:
     """Turn a mesh and its labelled boxes into a scan.
 
-    Args:
-        path: where they come from, for messages.
-        source: the mesh.
-        boxes: in the coordinates of the mesh.
-        texel: as in `convert`.
-        up: as in `convert`.
-        unit: as in `convert`.
-        floor: as in `convert`.
-        level: as in `convert`.
-        cameras: up direction that the poses of cameras speak for, shape [3]; None without cameras.
+    `cameras`: up direction that the poses of cameras speak for, shape [3]; None without cameras.
 
     Raises:
         InputError: neither the file nor the room tells up axis or unit.

@@ -49,9 +49,7 @@ def read(path: Path, face_numbers: tuple[str, ...] = ()) -> ScanMesh:
     A mesh that reaches further than 100 m from zero is moved, in float64, so that its smallest corner becomes zero. One that
     spans more than 60 m is taken as it is, and a warning is logged.
 
-    Args:
-        path: the file.
-        face_numbers: properties of the faces that hold whole numbers and that the caller needs.
+    `face_numbers`: properties of the faces that hold whole numbers and that the caller needs.
 
     Raises:
         InputError: the file is truncated or no PLY, holds no triangles or also other polygons, coordinates are not

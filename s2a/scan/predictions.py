@@ -151,10 +151,7 @@ class Prediction:
 def read(path: Path, surface: ScanMesh, scene: str) -> list[Prediction]:
     """Read the predictions for a scan; those whose mask is empty are left out.
 
-    Args:
-        path: .json, or .pkl, .pickle.
-        surface: the scan's mesh.
-        scene: name of the scan, by which a pickle of several scenes is searched.
+    `scene`: name of the scan, by which a pickle of several scenes is searched.
 
     Raises:
         InputError: the file is damaged, belongs to another mesh, or would run code.
@@ -253,10 +250,7 @@ def choose(predictions: Sequence[Prediction], min_score: float, overlap: float) 
 
     Networks predict the same part several times; USDNet's authors leave that to the evaluation.
 
-    Args:
-        predictions: all predictions.
-        min_score: lowest score.
-        overlap: fraction of the smaller mask's faces that a better prediction may hold.
+    `overlap`: fraction of the smaller mask's faces that a better prediction may hold.
     """
     best: list[Prediction] = []
     for prediction in sorted(predictions, key=lambda one: -one.score):
@@ -270,11 +264,7 @@ def write(
 ) -> None:
     """Write `<scene>_parts.json` and `<scene>_artic.json`; a part gets its handle as a child.
 
-    Args:
-        folder: of the scan.
-        scene: name of the scan.
-        predictions: predictions, in the coordinates of the scan's file.
-        fixed: names and faces of what does not move.
+    `predictions`: predictions, in the coordinates of the scan's file.
     """
     parts: list[dict[str, Any]] = []
     joints: list[dict[str, Any]] = []

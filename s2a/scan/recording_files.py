@@ -118,9 +118,9 @@ def rotation_of_vector(vector: np.ndarray) -> np.ndarray:
     return rotation
 
 
-def read_camera(path: Path) -> Intrinsics:
+def read_camera(path: Path, delimiter: str | None = None) -> Intrinsics:
     """Return the camera in a text file with 3 x 3 or 4 x 4 numbers."""
-    matrix = read_matrix(path, (3, 3), (4, 4))
+    matrix = read_matrix(path, (3, 3), (4, 4), delimiter=delimiter)
     camera = Intrinsics(matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
     if not (np.isfinite(matrix).all() and camera.fx > 1 and camera.fy > 1):
         raise InputError(f"{path}: focal lengths are {camera.fx:g} and {camera.fy:g} pixels; expected a camera matrix")

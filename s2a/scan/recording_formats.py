@@ -242,8 +242,7 @@ def _stray(folder: Path) -> RgbdRecording:
         for number in numbers
     ]
     require_images(depths, path)
-    matrix = read_matrix(folder / "camera_matrix.csv", (3, 3), delimiter=",")
-    camera = Intrinsics(matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
+    camera = read_camera(folder / "camera_matrix.csv", ",")
     video = _Video(folder / "rgb.mp4")
     depth_camera = camera.scaled(video.size, image_size(depths[0]))
     colors = [FrameImage(f"{video.path} frame {number}", partial(video.image, int(number))) for number in numbers]

@@ -30,8 +30,7 @@ class Format(Protocol):
 def formats(package: str) -> tuple[Format, ...]:
     """Return the formats of a package in the order in which they are asked: by PRIORITY (0 without), largest first, then by name.
 
-    Args:
-        package: of the readers, and the group of entry points by which an installed package adds modules of its own.
+    `package`: of the readers, and the group of entry points by which an installed package adds modules of its own.
     """
     home = importlib.import_module(package)
     modules = [importlib.import_module(f"{package}.{each.name}") for each in pkgutil.iter_modules(home.__path__)]

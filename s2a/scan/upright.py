@@ -8,6 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from s2a.scan.surfels import Sampled, Surfels, cos
+from s2a.scene.geometry.occupancy import connected_cells
 
 WEIGHTS = {
     "height": 2.4,  # it is as large as rooms are high
@@ -229,11 +230,7 @@ def _clutter(surface: Surfels, planes: np.ndarray) -> Clutter:
     index = np.flatnonzero(~planes)
     if not len(index):
         return Clutter(index, index, np.zeros(0))
-    cells = np.floor(surface.points[index] / (2 * surface.cell)).astype(np.int64)
-    cells -= cells.min(axis=0)
-    grid = np.zeros(cells.max(axis=0) + 1, bool)
-    grid[tuple(cells.T)] = True
-    label = ndimage.label(grid, np.ones((3, 3, 3)))[0][tuple(cells.T)] - 1
+    label = connected_cells(np.floor(surface.points[index] / (2 * surface.cell)).astype(np.int64)) - 1
     part = np.bincount(label, surface.weights[index])
     return Clutter(index, label, np.sqrt(part) * (part > _COMPONENT))
 

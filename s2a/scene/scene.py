@@ -347,10 +347,7 @@ UNITS = {"prismatic": "m", "revolute": "rad"}
 def problems(kind: str, low: float, high: float) -> list[str]:
     """Return in words what is wrong with a joint's limits; nothing for those that a robot can move it between.
 
-    Args:
-        kind: "prismatic" or "revolute".
-        low: lowest coordinate [m] or [rad], relative to the scanned pose; may be NaN.
-        high: the highest one.
+    `low` and `high` are coordinates [m] or [rad] relative to the scanned pose; they may be NaN.
     """
     unit, texts = UNITS[kind], []
     if not low <= 0.0 <= high:

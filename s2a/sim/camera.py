@@ -311,9 +311,7 @@ class Views:
     def render(self, joint_q: torch.Tensor, instances: bool = True) -> Iterator[str]:
         """Render one camera after the other, of all worlds; `images` then reads the one that was yielded.
 
-        Args:
-            joint_q: joint coordinates of all worlds, shape [world coord].
-            instances: with what each pixel shows.
+        `joint_q`: joint coordinates of all worlds, shape [world coord].
         """
         with wp.ScopedDevice(self._device):
             self._joint_q.copy_(joint_q)

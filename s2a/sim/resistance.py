@@ -89,10 +89,6 @@ def hooks(simulation: Any, worlds: Sequence[newton.ModelBuilder]) -> list[Callab
     """Return what a simulation calls before every physics step: nothing where none of its stages has breakaway or a soft close.
 
     What is called owns the joint forces of the joints concerned.
-
-    Args:
-        simulation: whose worlds are built.
-        worlds: builder of each of its stages.
     """
     places = [_joints(stage, world) for stage, world in zip(simulation.stages, worlds, strict=True)]
     if not any(places):

@@ -22,7 +22,7 @@ from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.joints import write_joint
 from s2a.scene.usd.sim_scene import SimRoom
-from s2a.scene.usd.stage import ROOT, read_mesh
+from s2a.scene.usd.stage import ROOT, read_mesh, world_points
 
 _log = logging.getLogger(__name__)
 
@@ -123,7 +123,7 @@ def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, 
     structure = np.array([bool(prim.GetAttribute("s2a:structure").Get()) for prim in colliders], bool)
     ground = _carrying(space.resting, planes)
     for k in np.flatnonzero(structure).tolist():
-        ground[k] |= _is_floor(points_of(colliders[k]), space)
+        ground[k] |= _is_floor(world_points(colliders[k]), space)
     needed = (reached | (distance <= BESIDE)) & ~ground
     first = (distance <= AROUND) & space.planned
     order = np.lexsort((distance, ~structure, ~first, ~needed))
@@ -157,16 +157,9 @@ def static_colliders(stage: Usd.Stage, roots: Sequence[str]) -> list[Usd.Prim]:
     return [prim for prim in prims if prim.HasAPI(UsdPhysics.CollisionAPI)]
 
 
-def points_of(prim: Usd.Prim) -> np.ndarray:
-    """Return a collider's points in the scene [m], shape [point 3]."""
-    local = np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get() or [], np.float64).reshape(-1, 3)
-    matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
-    return local @ matrix[:3, :3] + matrix[3, :3]
-
-
 def _planes(prim: Usd.Prim) -> np.ndarray:
     """Return the planes of a collider's hull, outside where n.x + d > 0, shape [plane 4]; of its bounding box if it is flat."""
-    points = points_of(prim)
+    points = world_points(prim)
     try:
         return ConvexHull(points).equations
     except (QhullError, ValueError):

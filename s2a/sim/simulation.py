@@ -10,11 +10,11 @@ import newton
 import numpy as np
 import torch
 import warp as wp
-from scipy.spatial.transform import Rotation
 
 from s2a import robot
 from s2a.core.errors import InputError
 from s2a.core.workers import spread
+from s2a.robot.tool_path import matrices
 from s2a.sim.resistance import hooks
 from s2a.sim.room import Missing, warn
 from s2a.sim.solver import IGNORED_OVERFLOWS, Layout, SimConfig, layout, make_solver, vary
@@ -213,7 +213,7 @@ def most_pairs(model: newton.Model, poses: Sequence[np.ndarray], worlds: int) ->
     body, world = model.shape_body.numpy(), model.shape_world.numpy()
     some = np.flatnonzero((world >= 0) & (world < worlds) & (model.shape_flags.numpy() & COLLIDES > 0))
     body, world = body[some], world[some]
-    local = _matrices(model.shape_transform.numpy()[some])
+    local = matrices(model.shape_transform.numpy()[some])
     low, high = model.shape_collision_aabb_lower.numpy()[some], model.shape_collision_aabb_upper.numpy()[some]
     moved = np.abs(poses[-1] - poses[0]).max(axis=1) > 1e-6
     mine = (body >= 0) & moved[body]
@@ -221,7 +221,7 @@ def most_pairs(model: newton.Model, poses: Sequence[np.ndarray], worlds: int) ->
     sides = [(shapes[mine[shapes]], shapes[~mine[shapes]]) for shapes in worlds_shapes]
     most = 0
     for pose in poses:
-        bodies = np.concatenate([_matrices(pose), np.eye(4)[None]])  # shapes of no body have the last, -1
+        bodies = np.concatenate([matrices(pose), np.eye(4)[None]])  # shapes of no body have the last, -1
         place = bodies[body] @ local
         center = np.einsum("nij,nj->ni", place[:, :3, :3], (low + high) / 2) + place[:, :3, 3]
         half = np.einsum("nij,nj->ni", np.abs(place[:, :3, :3]), (high - low) / 2)
@@ -229,14 +229,6 @@ def most_pairs(model: newton.Model, poses: Sequence[np.ndarray], worlds: int) ->
             apart = np.abs(center[own][:, None] - center[other]) > half[own][:, None] + half[other]
             most = max(most, int((~apart.any(axis=2)).sum()))
     return most
-
-
-def _matrices(transforms: np.ndarray) -> np.ndarray:
-    """Return 4 x 4 matrices of transforms (position, quaternion xyzw), shape [transform 4 4]."""
-    matrices = np.tile(np.eye(4), (len(transforms), 1, 1))
-    matrices[:, :3, :3] = Rotation.from_quat(transforms[:, 3:]).as_matrix()
-    matrices[:, :3, 3] = transforms[:, :3]
-    return matrices
 
 
 def device_of(key: str) -> str:

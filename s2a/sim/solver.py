@@ -103,11 +103,7 @@ class Variation:
 def vary(model: newton.Model, layout: Layout, part_dof: np.ndarray, settings: Variation) -> None:
     """Multiply each world's values in a model that no solver has read yet.
 
-    Args:
-        model: of all worlds.
-        layout: of a world.
-        part_dof: the part's velocity in each world, shape [world].
-        settings: the factors.
+    `part_dof`: the part's velocity in each world, shape [world].
     """
     worlds, random = len(part_dof), np.random.default_rng(settings.seed)
 

@@ -308,9 +308,7 @@ class TaskVectorEnv(VectorEnv[Any, Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         """Start a new episode in every world; return observations [world observation] and an empty info.
 
-        Args:
-            seed: of the start noise of all worlds; None: the random streams go on. A list's first entry counts.
-            options: none are known.
+        `seed`: of the start noise of all worlds; None: the random streams go on. A list's first entry counts.
 
         Raises:
             InputError: options were given.

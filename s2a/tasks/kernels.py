@@ -117,10 +117,7 @@ def move_targets(s: State, m: Motion, joint_q: wp.array2d(dtype=float)):
     A target also stops a window ahead of its joint, which something may hold, and returns where the joint is pushed back: never
     faster than the limits, so that it can be ahead by the braking distance more.
 
-    Args:
-        s: the worlds.
-        m: the limits.
-        joint_q: coordinates before the step, shape [world coord].
+    `joint_q`: coordinates before the step, shape [world coord].
     """
     world = wp.tid()
     for i in range(s.joints):
@@ -161,8 +158,7 @@ def is_finite(s: State, world: int):
 def reward_kernel(terms: Sequence[wp.Function]) -> wp.Kernel:
     """Return the kernel that writes each term and their weighted sum; all zero where the state is not finite.
 
-    Args:
-        terms: functions (state, world struct, world) -> float, a column of `State.terms` each.
+    `terms`: functions (state, world struct, world) -> float, a column of `State.terms` each.
     """
 
     @wp.kernel(module="unique", module_options={"max_unroll": len(terms), "enable_backward": False})

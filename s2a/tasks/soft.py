@@ -91,10 +91,7 @@ class SoftEpisode:
 def outcome(episode: SoftEpisode, goal: np.ndarray, metrics: SoftMetrics) -> dict[str, float | bool]:
     """Return the results of an episode by name: those of `success`, and what they were decided by.
 
-    Args:
-        episode: what was recorded, of `rest_time` or more.
-        goal: place of the centre of mass [m], shape [3].
-        metrics: the thresholds.
+    `goal`: place of the centre of mass [m], shape [3].
     """
     last = round(metrics.rest_time * episode.rate)
     error = np.linalg.norm(episode.center - goal, axis=1)

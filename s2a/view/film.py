@@ -54,9 +54,7 @@ class Film:
 def films(path: Path, stage: Path) -> list[Film]:
     """Return a video of one world that succeeded and of one that did not, as far as there are both.
 
-    Args:
-        path: states of s2a evaluate, or a dataset of s2a collect.
-        stage: the room's file.
+    `path`: states of s2a evaluate, or a dataset of s2a collect.
 
     Raises:
         InputError: a file that does not exist, is another or damaged, or another room.

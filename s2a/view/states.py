@@ -172,10 +172,7 @@ PARTS, OBJECTS = "observation.part", "observation.objects"
 def read_demonstrations(root: Path, first: int, count: int) -> States:
     """Read some episodes.
 
-    Args:
-        root: the dataset's folder.
-        first: index of the first one.
-        count: of them at most.
+    `count`: of them at most.
 
     Raises:
         InputError: another folder or format, or no such episode.
@@ -226,11 +223,7 @@ SHINY = 0.9
 def read_played(path: Path, stage: Path, first: int, count: int) -> States:
     """Read what some worlds did in a room.
 
-    Args:
-        path: a file of states, or a dataset.
-        stage: the room's file.
-        first: index of the first world or episode.
-        count: of them at most.
+    `count`: of them at most.
 
     Raises:
         InputError: another file, no such world, or another room.
@@ -243,9 +236,7 @@ def read_played(path: Path, stage: Path, first: int, count: int) -> States:
 def one_of_each(path: Path, stage: Path) -> States:
     """Read the first world that succeeded and the first that did not; the first one where a file does not say which did.
 
-    Args:
-        path: a file of states, or a dataset.
-        stage: the room's file.
+    `path`: a file of states, or a dataset.
 
     Raises:
         InputError: another file, or another room.

@@ -152,11 +152,7 @@ def corners(
 ) -> np.ndarray | None:
     """Return where the corners of a rectangle of the image lie on a front's plane [m] [4 3]; None if it is seen from its edge.
 
-    Args:
-        view: the camera.
-        low: the rectangle's top left corner in the image, 0 to 1.
-        high: its bottom right corner.
-        region: the front.
+    `low` and `high` are the rectangle's top left and bottom right corners in the image, 0 to 1.
     """
     corners = []
     for x, y in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])):

@@ -235,10 +235,7 @@ FACING = 0.8
 def is_flap(region: FrontRegion, points: Points, density: float) -> bool:
     """Return whether a front that could slide out tips forward about its lower side instead.
 
-    Args:
-        region: the front.
-        points: spread over the upright surface of the scan.
-        density: of these, per m^2.
+    `density`: of the points, which are spread over the scan's upright surface, per m^2.
     """
     wide, high = region.size
     if wide < WIDE * high:

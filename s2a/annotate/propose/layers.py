@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, label, median_filter
+from scipy.ndimage import gaussian_filter1d, median_filter
 
 from s2a.annotate.surface import SplitSurface
 from s2a.core.bounds import Fraction, Positive
+from s2a.scene.geometry.occupancy import connected_cells
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,11 +193,7 @@ def _levelled(
     """
     right = np.array([-normal[1], normal[0], 0.0])
     u, height = places @ right, places @ normal - offset
-    index = np.floor(np.stack([u, places[:, 2]], axis=1) / CONNECTED).astype(int)
-    index -= index.min(axis=0)
-    seen = np.zeros(index.max(axis=0) + 1, bool)
-    seen[tuple(index.T)] = True
-    piece = label(seen, np.ones((3, 3)))[0][tuple(index.T)]
+    piece = connected_cells(np.floor(np.stack([u, places[:, 2]], axis=1) / CONNECTED).astype(int))
     for number in np.flatnonzero(np.bincount(piece) >= config.min_layer * config.density):
         mine = piece == number
         line = _line(u[mine], height[mine], config.layer / 2)

@@ -55,8 +55,7 @@ class FrontNetwork(nn.Module):
     def forward(self, image: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Return logits of fronts, distances to their sides [m] (left, bottom, right, top), logits of MOTIONS, logits of handles.
 
-        Args:
-            image: shape [image CHANNELS row column], rows and columns multiples of MULTIPLE.
+        `image`: shape [image CHANNELS row column], rows and columns multiples of MULTIPLE.
 
         Returns:
             The first three at the network's cells, shapes [image row column], [image 4 row column], [image MOTIONS row column];
@@ -74,8 +73,7 @@ class FrontNetwork(nn.Module):
     def see(self, image: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return probabilities of fronts, their sides [m], probabilities of MOTIONS and of handles in an image of any size.
 
-        Args:
-            image: shape [CHANNELS row column].
+        `image`: shape [CHANNELS row column].
 
         Returns:
             Shapes as `forward` has them, without the first axis; the first three go on beyond the image, to a multiple of
@@ -93,12 +91,7 @@ def _block(first: int, last: int, stride: int = 1) -> nn.Sequential:
 
 
 def image(layer: Layer, floor: float) -> np.ndarray:
-    """Return what the network sees of a plane, shape [CHANNELS row column].
-
-    Args:
-        layer: the plane's image.
-        floor: height of the floor [m].
-    """
+    """Return what the network sees of a plane, shape [CHANNELS row column]. `floor`: height of the floor [m]."""
     seen = ~np.isnan(layer.height)
     color = np.where(seen[..., None], layer.color / 255.0 - 0.5, 0.0)
     rows = layer.low[1] - floor + layer.cell * np.arange(len(seen)) - 1.0

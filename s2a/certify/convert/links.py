@@ -73,10 +73,7 @@ class LinkedRoom:
 def read_links(path: Path, parts: str | Sequence[str], config: SimConfig) -> LinkedRoom:
     """Read a simulation-ready room with its surfaces.
 
-    Args:
-        path: the file.
-        parts: ALL, or ids of the articulated parts and free objects that move; all others are frozen at the scanned pose.
-        config: how physics is stepped.
+    `parts`: ALL, or ids of the articulated parts and free objects that move; all others are frozen at the scanned pose.
 
     Raises:
         InputError: no such file, or another kind of stage; an id that cannot move; nothing is to move.

@@ -30,10 +30,7 @@ HULL, SURFACE = "3", "2"
 def write(linked: LinkedRoom, config: SimConfig, folder: Path) -> None:
     """Write room.xml and its meshes.
 
-    Args:
-        linked: the room.
-        config: how physics is stepped; time step, solver and joint resistance go into the file.
-        folder: an existing folder.
+    `config`: how physics is stepped; time step, solver and joint resistance go into the file.
     """
     root, shapes = _from_newton(linked, config)
     names = {geom: linked.shape_names[shape] for geom, shape in shapes.items()}

@@ -33,10 +33,7 @@ Element = ElementTree.Element
 def write(linked: LinkedRoom, config: SimConfig, folder: Path) -> None:
     """Write room.urdf, room.srdf, a URDF for each free object, and the meshes.
 
-    Args:
-        linked: the room.
-        config: how physics is stepped; the joints' damping is of it.
-        folder: an existing folder.
+    `config`: how physics is stepped; the joints' damping is of it.
     """
     (folder / FOLDER).mkdir()
     room, robot = linked.room, Element("robot", name=linked.room.name)

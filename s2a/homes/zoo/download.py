@@ -174,8 +174,7 @@ class Download:
     def mesh(self, rng: np.random.Generator) -> Mesh:
         """Return the mesh in its file's coordinates, with its flaw.
 
-        Args:
-            rng: which triangles are turned over, where winding is inconsistent.
+        `rng`: which triangles are turned over, where winding is inconsistent.
         """
         clean = self.object.surface.mesh
         vertices = self.object.surface.vertices @ self.transform[:3, :3].T + self.transform[:3, 3]
@@ -183,11 +182,7 @@ class Download:
         return mesh if self.flaw is None else _DIRT[self.flaw](mesh, rng)
 
     def truth(self, metres: Sequence[float]) -> dict[str, Any]:
-        """Return what is known of it, ready for JSON.
-
-        Args:
-            metres: the true extents along depth, width and height [m].
-        """
+        """Return what is known of it, ready for JSON. `metres`: the true extents along depth, width and height [m]."""
         front = np.round(self.transform[:3, :3] @ (1.0, 0.0, 0.0) * UNITS[self.unit]).astype(int)
         axis = int(np.abs(front).argmax())
         return {
@@ -207,12 +202,7 @@ class Download:
 
 
 def download(objects: Sequence[ZooObject], rng: np.random.Generator) -> list[Download]:
-    """Return the objects as they come; each unit, axis, origin and format comes equally often, but for y and z up.
-
-    Args:
-        objects: what is downloaded.
-        rng: deals them out.
-    """
+    """Return the objects as they come; each unit, axis, origin and format comes equally often, but for y and z up."""
 
     def deal(options: Sequence[T]) -> list[T]:
         """Options in turn, one for each object, shuffled."""

@@ -119,10 +119,7 @@ def at_state(room: SimRoom, state: RoomChange, without: Collection[str] = ()) ->
     Hulls, surfaces, grasps and joints of a part that stands open are moved with it, and what hangs on it; its joint's limits
     are shifted. Base poses stay: they are of the shut part.
 
-    Args:
-        room: as in its file.
-        state: how it differs.
-        without: parts that are left as they are in the file, because an episode starts with them at their coordinate.
+    `without`: parts that are left as they are in the file, because an episode starts with them at their coordinate.
     """
     for part in room.articulations:  # parents come before children
         q = state.joints.get(part, 0.0)
@@ -298,11 +295,7 @@ def _planner(
 def refuse_collision(stage: SimStage, moved: Collection[str], spec: RobotSpec, arm: np.ndarray) -> None:
     """Raise InputError where the arm in joints [pose arm], or at home, meets what was moved; its base is for the room before.
 
-    Args:
-        stage: the room as it stands.
-        moved: ids of parts that stand open and of objects that were moved.
-        spec: the robot.
-        arm: its joint path.
+    `moved`: ids of parts that stand open and of objects that were moved.
     """
     room, target = stage.room, stage.target
     bodies = {i: body for i, body in room.bodies.items() if i in moved and i != target}

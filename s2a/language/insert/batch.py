@@ -68,9 +68,7 @@ OBJECT = "/object"
 def write_object(mesh: Mesh, path: Path) -> None:
     """Write an object's file, as a placement refers to it: `/object` with its surface in `/object/visual`.
 
-    Args:
-        mesh: in the object's own frame, metres, z up.
-        path: ends in .usd, .usda or .usdc.
+    `mesh`: in the object's own frame, metres, z up.
 
     Raises:
         InputError: the file cannot be written.

@@ -46,12 +46,7 @@ def reaching_into(
 ) -> list[SweptVolume]:
     """Return the swept volumes that reach into a box [m].
 
-    Args:
-        volumes: swept volumes of the scene's parts.
-        low: the box's lower corner.
-        high: its upper corner.
-        scene: the room.
-        carrier: id of the part that carries the object; it and its ancestors move along and do not count.
+    `carrier`: id of the part that carries the object; it and its ancestors move along and do not count.
     """
     carriers = () if carrier is None else (carrier, *scene.ancestors(carrier))
     return [
@@ -166,12 +161,7 @@ class Pose:
 def placement_conflict(scene: Scene, moved: Mesh, local: Mesh, volumes: list[SweptVolume], slack: float) -> str | None:
     """Return the conflict of an object at a pose, as the end of a sentence about "most" poses, or None.
 
-    Args:
-        scene: the room.
-        moved: the object in the scene.
-        local: the scene's triangles around it.
-        volumes: swept volumes of drawers and doors.
-        slack: how far the object may reach into them [m].
+    `slack`: how far the object may reach into them [m].
     """
     if crossing(moved, local) is not None:
         return COLLISION

@@ -30,9 +30,7 @@ def painted(source: SourceMesh, budget: int) -> Shape:
 
     Triangles are split where a texture shows more than the colours of their corners, as finely as the budget allows.
 
-    Args:
-        source: as its file holds it.
-        budget: largest number of triangles.
+    `budget`: largest number of triangles.
     """
     if not len(source.faces):
         return source.vertices, source.faces, None

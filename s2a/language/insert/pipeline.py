@@ -71,12 +71,7 @@ def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:
 def author(model: Model, sandbox: Sandbox, planned: Placement, usage: UsageLog, record: Record) -> ScriptResult:
     """Ask for a script and run it in the sandbox; a policy violation goes back to the model once.
 
-    Args:
-        model: the language model.
-        sandbox: where the script runs.
-        planned: the prim that the script is to add.
-        usage: log of the answers, appended to.
-        record: of the step; receives the violations, the script, the active sandbox layers and the seconds.
+    `record`: of the step; receives the violations, the script, the active sandbox layers and the seconds.
 
     Raises:
         InputError: the second script was rejected too, or the system cannot confine scripts.
@@ -299,10 +294,7 @@ class Attempt:
     def _stable_candidate(self, object: Mesh, where: Plan, anyhow: bool) -> CandidatePose:
         """Return the first candidate pose, in the order of the plan, at which the object stays.
 
-        Args:
-            object: upright, in metres.
-            where: the plan.
-            anyhow: Turn a large object's side or back to the room where there is no other place.
+        `anyhow`: turn a large object's side or back to the room where there is no other place.
 
         Raises:
             NoRoom: there is none.

@@ -64,11 +64,7 @@ class ScaleFit:
 def size(model: Model, facts: dict[str, Any], retries: int, usage: UsageLog) -> Size:
     """Ask a model for the size of an object.
 
-    Args:
-        model: the language model.
-        facts: label, sides in the file, its height, the stated unit, the support and the neighbours.
-        retries: answers that may be rejected.
-        usage: log of the answers, appended to.
+    `facts`: label, sides in the file, its height, the stated unit, the support and the neighbours.
 
     Raises:
         InputError: no answer could be used.
@@ -341,10 +337,7 @@ SINGLE = (
 def like_on(target: str, label: str, lines: list[dict[str, Any]]) -> str | None:
     """Return the id of a thing on a support that is of the same single kind as a label; None if there is none.
 
-    Args:
-        target: id of the support.
-        label: of the object.
-        lines: of the room, see `s2a.language.insert.describe.describe`.
+    `lines`: of the room, see `s2a.language.insert.describe.describe`.
     """
     kinds = [kind for kind in SINGLE if is_kind_of(label, kind)]
     standing = (line for line in lines if line.get("on") == target)

@@ -50,11 +50,6 @@ def run_sandboxed(sandbox: Sandbox, text: str, plan: Placement) -> ScriptResult:
     The script finds the stage as `scene.usda` in its current folder, and as `STAGE` and `OBJECT` that name and the path of
     the object's file.
 
-    Args:
-        sandbox: where it runs, with the geometry-free stage.
-        text: Python.
-        plan: the prim that it is to add.
-
     Raises:
         PolicyViolation: its text is not allowed, it failed, or its result differs from the plan.
         InputError: the system cannot confine an untrusted script.

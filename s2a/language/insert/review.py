@@ -104,12 +104,7 @@ class ReviewVerdict:
 def reviewed(model: Model, room: Scene, inserted: Inserted, settings: InsertSettings, usage: UsageLog) -> ReviewVerdict:
     """Ask a model that sees whether an object looks right in its place, in two images of it.
 
-    Args:
-        model: the language model.
-        room: without the object.
-        inserted: the object in its place.
-        settings: intrinsics and framing of the images, and how many answers may be rejected.
-        usage: log of the answers, appended to.
+    `settings`: intrinsics and framing of the images, and how many answers may be rejected.
     """
     parts = {**room.parts, inserted.placement.part_id: inserted.part}
     scene, camera = Scene(room.name, parts, room.origin), settings.camera

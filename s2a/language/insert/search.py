@@ -124,12 +124,7 @@ def closeness(cells: tuple[int, int], pad: int, region: Region, wanted: Preferen
 
     On a wall only the way along it counts: what is near the sofa hangs above it.
 
-    Args:
-        cells: rows and columns of the grid.
-        pad: cells added on each side of the region.
-        region: the region.
-        wanted: the preferences.
-        decay: distance over which it fades [m].
+    `decay`: distance over which it fades [m].
     """
     if wanted.near is None:
         return np.zeros(cells)

@@ -35,9 +35,7 @@ def front(scene: Scene, part_id: str) -> np.ndarray:
     close; a chair before a desk covers only some of the rays to that side. What is long is used from a long side. A scan shows a
     front more than a back, which nobody walked around. Where nothing else tells, it looks towards the middle of the room.
 
-    Args:
-        scene: the room.
-        part_id: the thing; its descendants belong to it.
+    `part_id`: the thing; its descendants belong to it.
     """
     own = [part_id, *scene.descendants(part_id)]
     mesh = target_mesh(scene, part_id)

@@ -86,9 +86,7 @@ def rests_upright(tilt: float, drift: float) -> bool:
 def at_rest(candidate: CandidatePose, rest: dict[str, Any]) -> CandidatePose:
     """Return a candidate at the pose in which its object came to rest.
 
-    Args:
-        candidate: where it was put.
-        rest: `about`, the point [m] about which it turned; `turn`, xyzw; `shift` of that point [m].
+    `rest`: `about`, the point [m] about which it turned; `turn`, xyzw; `shift` of that point [m].
     """
     turn, about = Rotation.from_quat(rest["turn"]), np.array(rest["about"])
     position = about + rest["shift"] + turn.apply(np.array(candidate.pose.position) - about)

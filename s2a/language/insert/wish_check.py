@@ -42,10 +42,7 @@ AROUND = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(8) * np.pi / 4
 def met(scene: Scene, object: Mesh, relation: Relation) -> bool:
     """Return True if an object in its place has a relation to one of the things that it may mean.
 
-    Args:
-        scene: the room, without the object.
-        object: in the scene [m].
-        relation: of a wish.
+    `object`: in the scene [m].
     """
     if relation.kind == "height":
         middle = float(object.bounds[:, 2].mean()) - floor_height(scene)
@@ -288,11 +285,7 @@ def planned_place(plan: Plan) -> Wish:
 def decline(wish: Wish, text: str, scene: Scene, understood: bool) -> None:
     """Raise an InputError if a wish names a thing that is not there, or if nothing of it is known to mean anything.
 
-    Args:
-        wish: the parsed wish.
-        text: what was said.
-        scene: the room.
-        understood: True if a model reads the wish, too.
+    `understood`: true if a model reads the wish, too.
     """
     if wish.unread and wish.relations and not (wish.missing or understood):
         raise InputError(
@@ -334,10 +327,7 @@ def verdict(wish: Wish, text: str, scene: Scene, object: Mesh) -> dict[str, Any]
 def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np.ndarray] | None:
     """Return a filter of places [m] for the search, rough where the check of the result is exact; None for no filter.
 
-    Args:
-        wish: the wish.
-        scene: the room.
-        object: upright, standing on z = 0 above the origin, in metres.
+    `object`: upright, standing on z = 0 above the origin, in metres.
     """
     sided = [
         one

@@ -28,12 +28,7 @@ class Names:
     """
 
     def __init__(self, tree: ast.Module, given: dict[str, str]) -> None:
-        """Collect all names.
-
-        Args:
-            tree: the script.
-            given: names that it finds, with their values.
-        """
+        """Collect all names."""
         self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
         self.names: dict[str, list[ast.expr | tuple | None]] = defaultdict(list)
         self.modules: dict[str, str] = {}

@@ -117,11 +117,6 @@ ATTRIBUTE_FIELDS = ("custom", "typeName", "variability", "default")
 def compare(saved: bytes, geometry_free_text: str, plan: Placement) -> Sdf.Layer:
     """Return a layer that holds the planned prim as the script wrote it.
 
-    Args:
-        saved: the stage as the script saved it.
-        geometry_free_text: USD text of the stage that the script was given.
-        plan: the planned prim.
-
     Raises:
         PolicyViolation: something is missing, or anything else differs from the given stage; the message names the first.
     """

@@ -220,9 +220,7 @@ class Sandbox:
     def run(self, script: str, names: dict[str, str]) -> SandboxResult:
         """Run a script.
 
-        Args:
-            script: Python, unchecked.
-            names: texts that the script finds in variables of these names.
+        `names`: texts that the script finds in variables of these names.
 
         Raises:
             PolicyViolation: the script failed, or used more than it may.
@@ -249,9 +247,7 @@ class Sandbox:
     def compare(self, saved: bytes, plan: Placement) -> Sdf.Layer:
         """Return a layer that holds the planned prim as a script wrote it (`s2a.language.sandbox.diff.compare`).
 
-        Args:
-            saved: the stage as the script saved it; untrusted.
-            plan: the planned prim.
+        `saved`: the stage as the script saved it; untrusted.
 
         Raises:
             PolicyViolation: the stage differs from the plan, or whoever reads it comes to grief.

@@ -242,12 +242,7 @@ class Collector:
     def run(self, policy: Policy, seed: int, folder: Path, encoders: Encoders, task: str) -> Iterator[Episode]:
         """Run one episode in every world, and yield those that succeed.
 
-        Args:
-            policy: that drives the robot.
-            seed: of where the episodes start, and of cameras and light.
-            folder: for the images.
-            encoders: that write them.
-            task: what the robot is to do, in words.
+        `seed`: of where the episodes start, and of cameras and light.
         """
         env, count = self._env, self._env.num_envs
         env.reset_all(seed)

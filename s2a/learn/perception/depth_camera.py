@@ -120,11 +120,7 @@ def capture(
 ) -> PartCloud | None:
     """Return a frame of a stage's part from a place that sees its grasp region, the robot at the start of an episode.
 
-    Args:
-        room: the visuals of the stage's room, at the scanned pose.
-        stage: robot and part.
-        config: the camera.
-        random: where it stands, and its errors.
+    `room`: the visuals of the stage's room, at the scanned pose.
 
     Returns:
         All pixels on the part and around it; None where no pixel shows the part.

@@ -50,8 +50,7 @@ class PartNetwork(nn.Module):
     def forward(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return descriptions [cloud NUMBERS], places relative to the cloud's center, and the first guess of the point [cloud 3].
 
-        Args:
-            points: shape [cloud point FEATURES].
+        `points`: shape [cloud point FEATURES].
         """
         place = points[..., :3]
         height = points[..., 3:] * points.new_tensor([1.0, HEIGHT])

@@ -132,10 +132,6 @@ def export(model: nn.Module, checkpoint: Path) -> list[Path]:
     Both take observations "obs" [world observation], as the environment gives them, and return the mean "actions" [world action],
     which the environment clamps to [-1, 1]; any number of worlds. The ONNX file also says in which world it was trained.
 
-    Args:
-        model: rsl-rl's network of the policy.
-        checkpoint: model_N.pt.
-
     Returns:
         The two files.
     """

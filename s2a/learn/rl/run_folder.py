@@ -71,10 +71,8 @@ def complete(values: dict[str, Any]) -> None:
 def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable[[], Collection[str]] = tuple) -> None:
     """Write the nested settings of a run into its folder; if it has some already, they must be the same, save FREE ones.
 
-    Args:
-        values: the settings.
-        out: the folder.
-        without_effect: returns dotted keys that may change too, as they change nothing in this run; asked only if one differs.
+    `without_effect`: returns dotted keys that may change too, as they change nothing in this run; asked only if one
+    differs.
 
     Raises:
         InputError: naming the first key that differs, with both values.

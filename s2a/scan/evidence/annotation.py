@@ -164,14 +164,7 @@ def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> lis
 
 
 def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bounds) -> Iterator[Check]:
-    """Yield what the surface says about one moving part.
-
-    Args:
-        surface: the room.
-        part: id of the part.
-        front: its front, if it has one.
-        bounds: thresholds.
-    """
+    """Yield what the surface says about one moving part."""
     scene, joint = surface.scene, surface.scene.joint(part)
     if front is None:
         yield Check(

@@ -169,12 +169,7 @@ def slide_travel(part: str, joint: Joint, front: Front, surface: ScanSurface, bo
 def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bounds: Bounds) -> Check:
     """Judge the kind of a joint by its handle: what is pulled forwards is pulled at its middle, a door at its edge.
 
-    Args:
-        part: id of the part.
-        joint: its slide.
-        front: its front.
-        grasp: mean of its grasp region [m], shape [3].
-        bounds: `handle_offset`.
+    `grasp`: mean of its grasp region [m], shape [3].
     """
     sideways = np.cross(UP, front.normal)
     if not along_normal(joint, front) or np.linalg.norm(sideways) < 0.5:
@@ -233,10 +228,7 @@ def across(joint: Joint, front: Front) -> np.ndarray | None:
 def edge_distance(joint: Joint, front: Front, points: np.ndarray) -> tuple[float, float]:
     """Return the distance of a hinge line from the nearer edge of its part, and the part's breadth across it [m].
 
-    Args:
-        joint: a hinge.
-        front: the front of its part.
-        points: vertices of the part [m], shape [point 3].
+    `points`: vertices of the part [m], shape [point 3].
 
     Returns:
         Two NaN for a hinge along the front's normal, which has no edge.

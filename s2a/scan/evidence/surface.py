@@ -287,10 +287,7 @@ def moved_parts(scene: Scene, part: str) -> set[str]:
 def sweep(surface: ScanSurface, part: str, tolerated: float) -> Sweep:
     """Follow the points of a part from the scanned pose to its open limit through the rest of the scan.
 
-    Args:
-        surface: the room.
-        part: id of a jointed part.
-        tolerated: fraction of points that may be blocked: noise and ragged borders.
+    `tolerated`: fraction of points that may be blocked: noise and ragged borders.
     """
     scene, joint = surface.scene, surface.scene.joint(part)
     mine = moved_parts(scene, part)

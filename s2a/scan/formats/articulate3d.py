@@ -36,10 +36,7 @@ _SHORTEST_AXIS = 1e-6  # below this length an axis has no direction worth trusti
 def read_joints(path: Path, labels: Mapping[int, str], origin: np.ndarray) -> dict[int, Joint]:
     """Read the joints of a scan from its `_artic.json`, by number of the part that moves.
 
-    Args:
-        path: the file.
-        labels: label of every annotated part by its number.
-        origin: translation [m], shape [3], float64, that the scene's coordinates lie below the file's.
+    `origin`: translation [m], shape [3], float64, that the scene's coordinates lie below the file's.
 
     Raises:
         InputError: a record names no annotated part, an unknown kind, a zero axis, a number that is not finite, limits
@@ -252,12 +249,7 @@ def read_overlaps(path: Path) -> list[Overlap]:
 
 
 def overlaps(names: Mapping[int, str], listed: Mapping[int, np.ndarray]) -> list[Overlap]:
-    """Return the overlaps of parts, most faces first.
-
-    Args:
-        names: label of every part by its number.
-        listed: its faces, each once, shape [n], integers.
-    """
+    """Return the overlaps of parts, most faces first. `listed`: faces of each part, each once, shape [n], integers."""
     parent_of = labels.parents(names)
     numbers = np.repeat(list(listed), [len(faces) for faces in listed.values()])
     faces = np.concatenate([*listed.values(), np.empty(0, np.int64)])

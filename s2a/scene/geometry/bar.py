@@ -72,10 +72,7 @@ class Profile:
 def bar_profile(region: Mesh, frame: np.ndarray, slices: int) -> Profile | None:
     """Return the section of a handle along its length, or None if it is too short for a bar or has holes.
 
-    Args:
-        region: the handle as scanned.
-        frame: axes as columns [3 3]: x along it, y across it, z into the furniture.
-        slices: number of slices.
+    `frame`: axes as columns [3 3]: x along it, y across it, z into the furniture.
     """
     points = sample(region, SAMPLES, seed=0) @ frame
     if not len(points):

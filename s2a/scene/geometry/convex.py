@@ -93,12 +93,7 @@ def cut_free(piece: Mesh, obstacle: Mesh, count: int = 1, min_volume: float = 0.
     A piece that does not overlap the obstacle comes back as it is. What is cut stays convex, at the price of losing more than
     the overlap itself: the less, the more parts are allowed. Each time the largest part of the rest is cut off.
 
-    Args:
-        piece: what is cut.
-        obstacle: what its parts leave free.
-        count: largest number of parts.
-        min_volume: parts but the first have this volume or more [m^3].
-        margin: see MARGIN.
+    `min_volume`: parts but the first have this volume or more [m^3].
     """
     if overlap(piece, obstacle) <= APART:
         return [piece]

@@ -37,10 +37,7 @@ FLUSH = 0.003
 def front_behind(front: Mesh, region: Mesh, frame: np.ndarray) -> tuple[np.ndarray, float] | None:
     """Return the plane behind a handle as outward normal and offset [m], or None where no front was scanned.
 
-    Args:
-        front: the part that carries the handle.
-        region: the handle.
-        frame: its grasp frame, axes as columns: z into the furniture.
+    `frame`: the handle's grasp frame, axes as columns: z into the furniture.
     """
     outwards = -frame[:, 2]
     points = _facing(front, outwards)

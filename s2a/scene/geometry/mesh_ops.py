@@ -85,6 +85,13 @@ def normals(mesh: Mesh, chosen: np.ndarray | None = None) -> np.ndarray:
     return facing
 
 
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the mean normal of the faces at each vertex, weighted by their areas, shape [vertex 3]; 0 where there is none."""
+    cross = np.concatenate([np.zeros((0, 3)), *crosses(vertices, faces)])
+    total = np.stack([np.bincount(faces.ravel(), np.repeat(cross[:, i], 3), len(vertices)) for i in range(3)], axis=1)
+    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
+
+
 def sample(mesh: Mesh, count: int, seed: int) -> np.ndarray:
     """Return points spread evenly over a surface by area [m], shape [count 3], float64; the same for the same seed."""
     return sample_with_faces(mesh, count, seed)[0]

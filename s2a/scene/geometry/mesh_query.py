@@ -61,38 +61,6 @@ def _nearest(
     mesh: wp.uint64,
     points: wp.array(dtype=wp.vec3),
     reach: float,
-    face: wp.array(dtype=int),
-    gap: wp.array(dtype=float),
-):
-    tid = wp.tid()
-    nearest = wp.mesh_query_point_no_sign(mesh, points[tid], reach)
-    face[tid] = -1
-    if nearest.result:
-        face[tid] = nearest.face
-        gap[tid] = wp.length(wp.mesh_eval_position(mesh, nearest.face, nearest.u, nearest.v) - points[tid])
-
-
-def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return the face nearest to each point (-1: none within reach) and its distance [m] (then inf), shape [point] each."""
-    places = np.ascontiguousarray(points, np.float32)
-    face, gap = np.full(len(places), -1, np.int32), np.full(len(places), np.inf, np.float32)
-    if not mesh.indices.shape[0]:  # Warp 1.19 follows the tree of a mesh without faces into nowhere
-        return face, gap
-
-    def ask(some: slice) -> None:
-        outputs = [wp.array(a[some], device="cpu", copy=False) for a in (face, gap)]
-        inputs = [mesh.id, wp.array(places[some], dtype=wp.vec3, device="cpu", copy=False), reach]
-        wp.launch(_nearest, dim=len(places[some]), inputs=inputs, outputs=outputs, device="cpu")
-
-    in_parallel(ask, chunks(len(places)))
-    return face, gap
-
-
-@wp.kernel
-def _nearest_of_solids(
-    mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    reach: float,
     inside: float,
     face: wp.array(dtype=int),
     gap: wp.array(dtype=float),
@@ -101,7 +69,7 @@ def _nearest_of_solids(
     face[tid] = -1
     limit = reach
     nearest = wp.mesh_query_point_no_sign(mesh, points[tid], limit)
-    if not nearest.result:
+    if inside > 0.0 and not nearest.result:
         up = wp.vec3(0.0, 0.0, 1.0)
         above = wp.mesh_query_ray(mesh, points[tid], up, 100.0)
         below = wp.mesh_query_ray(mesh, points[tid], -up, 100.0)
@@ -112,22 +80,23 @@ def _nearest_of_solids(
         gap[tid] = wp.length(wp.mesh_eval_position(mesh, nearest.face, nearest.u, nearest.v) - points[tid])
 
 
-def nearest_faces_of_solids(
-    mesh: RayMesh, points: np.ndarray, reach: float, inside: float
+def nearest_faces(
+    mesh: RayMesh, points: np.ndarray, reach: float = 100.0, inside: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what `nearest_faces` does, of closed solids; within them it looks for a face up to `inside` [m] farther.
+    """Return the face nearest to each point (-1: none within reach) and its distance [m] (then inf), shape [point] each.
 
-    Most points are far from every face, and are soon known to be by so short a reach and two rays that leave no solid.
+    Within closed solids it looks for a face up to `inside` [m] farther. Most points are far from every face, and are soon
+    known to be by so short a reach and two rays that leave no solid.
     """
     places = np.ascontiguousarray(points, np.float32)
     face, gap = np.full(len(places), -1, np.int32), np.full(len(places), np.inf, np.float32)
-    if not mesh.indices.shape[0]:
+    if not mesh.indices.shape[0]:  # Warp 1.19 follows the tree of a mesh without faces into nowhere
         return face, gap
 
     def ask(some: slice) -> None:
         outputs = [wp.array(a[some], device="cpu", copy=False) for a in (face, gap)]
         inputs = [mesh.id, wp.array(places[some], dtype=wp.vec3, device="cpu", copy=False), reach, inside]
-        wp.launch(_nearest_of_solids, dim=len(places[some]), inputs=inputs, outputs=outputs, device="cpu")
+        wp.launch(_nearest, dim=len(places[some]), inputs=inputs, outputs=outputs, device="cpu")
 
     in_parallel(ask, chunks(len(places)))
     return face, gap
@@ -318,10 +287,7 @@ def depth(mesh: Mesh, obstacles: Mesh, reach: float = 0.03) -> float:
     surface as deep as that is far, up to `reach`: farther behind, there may be another object's back. Vertices on the rim of the
     scanned surface measure nothing, for there is no behind.
 
-    Args:
-        mesh: a closed mesh.
-        obstacles: the scan around it.
-        reach: largest depth that is measured [m].
+    `reach`: largest depth that is measured [m].
     """
     if not len(mesh.faces) or not len(obstacles.faces):
         return 0.0

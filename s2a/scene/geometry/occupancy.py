@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
+from scipy import ndimage
 
 from s2a.scene.scene import Mesh
 
@@ -89,10 +90,6 @@ def _fill(
 def occupied_layers(meshes: Sequence[Mesh], grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     """Return the cells that surfaces occupy, and the heights of the lowest surfaces.
 
-    Args:
-        meshes: in scene coordinates.
-        grid: the grid.
-
     Returns:
         Occupied cells, bool, shape [layer row column]; and the height of the lowest surface between the grid's bottom
         and top [m], shape [2 row column], first that of faces that look down, then of faces that look up.
@@ -120,11 +117,17 @@ def distinct_cells(cells: np.ndarray) -> np.ndarray:
 
 
 def mask_of(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return which cells of the rectangle around one cell or more [cell 2] are among them, and its lowest cell, shape [2]."""
+    """Return which cells of the rectangle around one cell or more [cell axis] are among them, and its lowest cell."""
     low = cells.min(axis=0)
     there = np.zeros(cells.max(axis=0) - low + 1, bool)
     there[tuple((cells - low).T)] = True
     return there, low
+
+
+def connected_cells(cells: np.ndarray) -> np.ndarray:
+    """Return the number, from 1 on, of the connected piece that each of some cells [cell axis] is in, across corners too."""
+    there, low = mask_of(cells)
+    return np.asarray(ndimage.label(there, np.ones((3,) * cells.shape[1]))[0][tuple((cells - low).T)])
 
 
 def _meets(mesh: Mesh, grid: Grid) -> bool:

@@ -302,15 +302,7 @@ def _above(meshes: Sequence[Mesh], grid: Grid, config: RegionConfig) -> Above:
 
 
 def _measured(support: np.ndarray, grid: Grid, own: Above, whole: Above, config: RegionConfig) -> Region:
-    """Return a region with its clearances, its rim and its kind.
-
-    Args:
-        support: cells of the region.
-        grid: grid on its plane.
-        own: result of `_above` for the target alone.
-        whole: result of `_above` for all meshes.
-        config: thresholds.
-    """
+    """Return a region with its clearances, its rim and its kind."""
     (above, _), (room, behind) = own, whole
     kind: Kind = "horizontal" if np.mean(above[support] < config.search_height) < config.cover_fraction else "inside"
     if abs(grid.axes[2, 2]) < 0.5:

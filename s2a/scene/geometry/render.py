@@ -84,10 +84,7 @@ def _shade(mesh: wp.uint64, colors: wp.array(dtype=wp.vec3), camera: Pinhole, im
 def render(meshes: Sequence[Mesh], pose: CameraPose, camera: OrbitCamera) -> np.ndarray:
     """Render meshes to an RGB image, shape [row column 3], uint8; surfaces without colours are grey.
 
-    Args:
-        meshes: in scene coordinates [m].
-        pose: camera pose.
-        camera: intrinsics, supersampling and culling.
+    `meshes`: in scene coordinates [m].
     """
     size = camera.height * camera.samples, camera.width * camera.samples
     background = np.tile(_linear(np.array(BACKGROUND)), (size[0] * size[1], 1))

@@ -58,9 +58,7 @@ Types = Sdf.ValueTypeNames
 def write(scene: Scene, path: Path) -> None:
     """Write a scene to exactly this path.
 
-    Args:
-        scene: a room.
-        path: ends in .usd or .usdc (binary, 4 times smaller, fast) or .usda (text).
+    `path`: ends in .usd or .usdc (binary, 4 times smaller, fast) or .usda (text).
 
     Raises:
         InputError: an id that cannot be a prim's name, another ending, or a path that cannot be written.

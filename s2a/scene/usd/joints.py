@@ -168,12 +168,7 @@ def frame(axis: Sequence[float]) -> Gf.Quatf:
 def write_joint(stage: Usd.Stage, path: str, joint: Joint, parent: str, child: str) -> UsdPhysics.Joint:
     """Define a PrismaticJoint or RevoluteJoint between two bodies whose points lie in scene coordinates.
 
-    Args:
-        stage: where to.
-        path: path of the joint.
-        joint: axis, origin and limits; kept as doubles beside the physics frames, which are float32.
-        parent: path of the body that it moves against.
-        child: path of the body that moves.
+    `joint`: axis, origin and limits; kept as doubles beside the physics frames, which are float32.
     """
     schema = UsdPhysics.PrismaticJoint if joint.kind == "prismatic" else UsdPhysics.RevoluteJoint
     prim = schema.Define(stage, path)
@@ -254,13 +249,7 @@ def placed(joint: Joint, body: Usd.Prim) -> Joint:
 
 
 def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xform:
-    """Define a rigid body.
-
-    Args:
-        stage: where to.
-        path: path of the body.
-        root: Mark it as the root of an articulation.
-    """
+    """Define a rigid body."""
     body = UsdGeom.Xform.Define(stage, path)
     UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
     if root:

@@ -41,9 +41,7 @@ def open_physics(path: Path) -> Usd.Stage:
 def read(path: Path, *, visuals: bool = True) -> SimRoom:
     """Read a simulation-ready file; equal to what was written.
 
-    Args:
-        path: the file.
-        visuals: Read the surfaces too; without them they are empty, and nothing but physics is loaded.
+    `visuals`: read the surfaces too; without them they are empty, and nothing but physics is loaded.
 
     Raises:
         InputError: no such file, another kind of stage, or a damaged one.
@@ -235,11 +233,7 @@ def _pose(prim: Usd.Prim) -> tuple[Vec3, Quat]:
 
 
 def refuse_unphysical(path: Path) -> None:
-    """Raise an InputError for a stage with NaN, a mass that no body has, a joint without bodies or a hull without volume.
-
-    Args:
-        path: a simulation-ready room.
-    """
+    """Raise an InputError for a stage with NaN, a mass that no body has, a joint without bodies or a hull without volume."""
     stage = open_physics(path)  # which must outlive its prims
     for prim in stage.Traverse():
         _check_numbers(prim)

@@ -45,10 +45,7 @@ def visuals_file(path: Path) -> Path:
 def write(room: SimRoom, path: Path, visuals: Path | None = None) -> None:
     """Write a room to exactly this path, and its visuals to another.
 
-    Args:
-        room: what a simulator needs.
-        path: ends in .usd or .usdc (binary) or .usda (text).
-        visuals: the file of the visuals, which has to end up beside the other; None: `visuals_file(path)`.
+    `visuals`: the file of the visuals, which has to end up beside the other; None: `visuals_file(path)`.
 
     Raises:
         InputError: another ending, or a path that cannot be written.

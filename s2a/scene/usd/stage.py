@@ -129,9 +129,7 @@ def write_mesh(stage: Usd.Stage, path: str, mesh: Mesh, *, purpose: str | None =
 def read_mesh(prim: Usd.Prim, frame: Usd.Prim | None = None) -> Mesh:
     """Read a Mesh or Points prim; its transform, if it has one, is applied.
 
-    Args:
-        prim: the mesh.
-        frame: a prim above it, in whose frame its points are returned; None: in scene coordinates.
+    `frame`: a prim above it, in whose frame its points are returned; None: in scene coordinates.
 
     Raises:
         InputError: neither a Mesh nor Points, not triangles, or arrays that do not fit each other.
@@ -233,6 +231,13 @@ def world_pose(prim: Usd.Prim) -> tuple[np.ndarray, tuple[float, float, float, f
     """Return where a prim is in the scene: position [m], shape [3], and orientation xyzw."""
     matrix = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
     return np.array(matrix.ExtractTranslation()), xyzw(matrix.ExtractRotationQuat())
+
+
+def world_points(prim: Usd.Prim) -> np.ndarray:
+    """Return a mesh's points in the scene [m], shape [point 3], float64."""
+    local = np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get() or [], np.float64).reshape(-1, 3)
+    matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
+    return local @ matrix[:3, :3] + matrix[3, :3]
 
 
 def _write_faces(mesh: UsdGeom.Mesh, faces: np.ndarray) -> None:

@@ -24,12 +24,7 @@ SHORTEST_ARM = 0.05
 def bind(sim: Simulation, sensor: ContactSensor, config: Any, metrics: Any, own: int) -> World:
     """Return the struct of worlds with their robot, target and settings; a place is the task's to set.
 
-    Args:
-        sim: the worlds.
-        sensor: of the contacts with their targets.
-        config: the task's settings; those that are called as fields of Numbers are in `World.number`.
-        metrics: the thresholds of what is reported, likewise.
-        own: number of the task's own columns.
+    `config`: the task's settings; those that are called as fields of Numbers are in `World.number`.
     """
     w, n, layout = World(), sim.num_envs, sim.layout
     w.tool_link, (w.left, w.right), w.body = layout.tool_body, layout.finger_bodies, layout.part_body

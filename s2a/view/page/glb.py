@@ -10,6 +10,7 @@ import numpy as np
 
 from s2a.core.color_space import to_linear
 from s2a.scan.gltf_file import container
+from s2a.scene.geometry.mesh_ops import vertex_normals
 from s2a.scene.scene import Mesh
 from s2a.view.page.room import PagePart, PageRoom
 
@@ -86,20 +87,11 @@ def brightness(mesh: Mesh) -> np.ndarray:
 
     A diffuse surface (Lambert) reflects light of intensity 1 with its colour over pi, as three.js reckons.
     """
-    normals = vertex_normals(mesh)
+    normals = vertex_normals(mesh.vertices, mesh.faces)
     total = np.full(len(normals), AMBIENT)
     for _, intensity, place in LIGHTS:
         total += intensity * np.maximum(normals @ (np.array(place) / np.linalg.norm(place)), 0.0)
     return total / np.pi
-
-
-def vertex_normals(mesh: Mesh) -> np.ndarray:
-    """Return the mean normal of the faces at each vertex, weighted by their areas, shape [vertex 3]; 0 where there is none."""
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
-    facing, count = np.cross(b - a, c - a), len(mesh.vertices)
-    sums = [sum(np.bincount(corner, column, count) for corner in mesh.faces.T) for column in facing.T]
-    normals = np.stack(sums, axis=1) if len(mesh.faces) else np.zeros((count, 3))
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
 
 UNSIGNED_SHORT, UNSIGNED_INT = 5123, 5125
@@ -169,9 +161,7 @@ def _material(color: Color, opacity: float, both_sides: bool) -> dict[str, Any]:
 def _linear(mesh: Mesh, level: np.ndarray | float) -> np.ndarray:
     """Return the sRGB colours of vertices as glTF wants them: linear, 16 bits, shape [vertex 4], the fourth being opacity.
 
-    Args:
-        mesh: PLAIN where it has no colours.
-        level: fraction of its colour that each vertex has, shape [vertex].
+    `level`: fraction of its colour that each vertex has, shape [vertex].
     """
     table = to_linear(np.arange(256, dtype=np.uint8)).astype(np.float64)
     colors = np.tile(PLAIN, (len(mesh.vertices), 1)) if mesh.colors is None else table[mesh.colors]

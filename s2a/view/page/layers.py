@@ -9,10 +9,9 @@ import numpy as np
 
 from s2a.scene.articulation import open_limit, opening_sign
 from s2a.scene.geometry.convex import column
-from s2a.scene.geometry.mesh_ops import centroids, keep, merge, painted
+from s2a.scene.geometry.mesh_ops import centroids, keep, merge, painted, vertex_normals
 from s2a.scene.geometry.regions import PlaneConfig, RegionConfig, horizontal_planes
 from s2a.scene.scene import Joint, Mesh
-from s2a.view.page.glb import vertex_normals
 from s2a.view.page.room import Extra, PageRoom, hue
 
 SURFACES, BY_PART, GRASPS, AXES = "surfaces", "colours by part", "grasp regions", "joint axes"
@@ -153,7 +152,7 @@ def arrows(room: PageRoom) -> Iterator[Arrow]:
 
 def lifted(mesh: Mesh, height: float = LIFT) -> Mesh:
     """Return a mesh whose vertices are moved along their normals [m]."""
-    return Mesh(mesh.vertices + height * vertex_normals(mesh), mesh.faces, mesh.colors)
+    return Mesh(mesh.vertices + height * vertex_normals(mesh.vertices, mesh.faces), mesh.faces, mesh.colors)
 
 
 def _hulls(room: PageRoom) -> Iterator[tuple[Extra, Mesh]]:

@@ -147,8 +147,7 @@ class PageRoom:
     def poses(self, q: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Return the displacement [4 4] of every jointed part: scene pose = displacement @ scanned pose.
 
-        Args:
-            q: joint coordinates by part [m] or [rad]; 0 where none is given.
+        `q`: joint coordinates by part [m] or [rad]; 0 where none is given.
         """
         return {part: self.pose(part, q) for part in self.joints}
 

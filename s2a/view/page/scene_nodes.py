@@ -50,11 +50,7 @@ class SceneNodes:
     def __init__(self, scene: viser.SceneApi, room: PageRoom, root: str = "", coarse: PageRoom | None = None) -> None:
         """Show a room below a node; "": where its coordinates say.
 
-        Args:
-            scene: of the server.
-            room: what is shown.
-            root: the node.
-            coarse: the room with fewer faces, which is sent first and shown until `refine`; None: the room alone.
+        `coarse`: the room with fewer faces, which is sent first and shown until `refine`; None: the room alone.
         """
         self.at = Coordinates(room)
         self._scene, self._root = scene, root

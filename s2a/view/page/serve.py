@@ -95,11 +95,7 @@ TITLE = "<title>Viser</title>"
 def write(room: PageRoom, view: CameraPose, fov: float, path: Path) -> None:
     """Write a room to one self-contained HTML file: all layers, and a time line on which its joints open one by one.
 
-    Args:
-        room: what is shown.
-        view: where its camera begins.
-        fov: vertical field of view [rad].
-        path: the file.
+    `fov`: vertical field of view [rad].
     """
     server = viser.ViserServer(HOST, PORT, verbose=False)
     try:

@@ -120,8 +120,7 @@ def images(files: Iterable[Path]) -> str:
 def figures(shown: Iterable[tuple[str, bytes]]) -> str:
     """Return images, embedded, with their captions below; nothing where there is none.
 
-    Args:
-        shown: caption in plain text, and the bytes of a PNG, JPEG, WebP or GIF file, of each.
+    `shown`: caption in plain text, and the bytes of a PNG, JPEG, WebP or GIF file, of each.
     """
     each = "".join(
         f"<figure><img src='{_data(_kind(data), data)}' alt='{text(caption)}'><figcaption>{text(caption)}</figcaption></figure>"
@@ -133,8 +132,7 @@ def figures(shown: Iterable[tuple[str, bytes]]) -> str:
 def videos(films: Iterable[tuple[str, bytes]]) -> str:
     """Return videos, embedded, with their captions below.
 
-    Args:
-        films: caption in plain text, and the bytes of an mp4 file, of each.
+    `films`: caption in plain text, and the bytes of an mp4 file, of each.
     """
     figures = (
         f"<figure><video controls muted playsinline preload='auto' src='{_data('video/mp4', data)}'></video>"

@@ -231,13 +231,7 @@ BAR = 120
 def validation_report(
     values: Mapping[str, Any], path: Path, shown: Mapping[str, Sequence[tuple[str, bytes]]] | None = None
 ) -> Document:
-    """Return the page of a report.json.
-
-    Args:
-        values: what it holds.
-        path: names the page where it has no report.
-        shown: captions and image files of each part, above its checks.
-    """
+    """Return the page of a report.json. `shown`: captions and image files of each part, above its checks."""
     reports = values["reports"]
     good = sum(bool(each["passed"]) for each in reports)
     verdicts = [_status("pass" if each["passed"] else "fail") for each in reports]

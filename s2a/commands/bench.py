@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from s2a.core.bounds import Count, CountFromZero, NotNegative
+from s2a.commands.worlds import EpisodesConfig
+from s2a.core.bounds import Count, NotNegative
 from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write
 from s2a.core.progress import track
@@ -23,11 +24,10 @@ from s2a.learn.rl.policy_file import PolicyFile
 from s2a.learn.rl.ppo import load_policy
 from s2a.learn.rl.run_folder import read_world
 from s2a.motion.policy import Planner
-from s2a.motion.trajectory import Demonstration, PlannerConfig
-from s2a.robot import Robot
-from s2a.sim.simulation import SimConfig, Simulation, device_of
+from s2a.motion.trajectory import Demonstration
+from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage
-from s2a.tasks import MdpSettings, MetricSettings, make_env, pool
+from s2a.tasks import make_env, pool
 from s2a.tasks.base import MdpConfig
 from s2a.tasks.env import VecEnv
 
@@ -39,7 +39,7 @@ Actor = Callable[[VecEnv, Sequence[Demonstration]], Policy]
 
 
 @dataclass(frozen=True)
-class Config:
+class Config(EpisodesConfig):
     """Keys of `s2a bench`.
 
     Attributes:
@@ -52,11 +52,7 @@ class Config:
         num_envs: worlds that are stepped together, at most.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of start noise and of what differs between worlds.
-        robot: the robot that the parts were prepared for, as panda or baxter.
-        sim: how physics is stepped, the same for all policies.
         task: what the robot has to do; a trained policy has its own settings of what it observes.
-        metrics: what is reported of an episode.
-        planner: the planner's motion.
         perception: who sees the parts with a depth camera instead of being told the truth: pretrained, or what s2a perceive
             wrote; null: nobody.
         perception_frames: of each part's frames in the pool, so many make an estimate: their median.
@@ -65,19 +61,10 @@ class Config:
         grasp_turn: by how much it is turned [degree], about any axis; null: likewise.
     """
 
-    stage: Path
     policy: str
     out: Output
     episodes: Count
     steps: Count
-    num_envs: Count
-    device: str
-    seed: CountFromZero
-    robot: Robot
-    sim: SimConfig
-    task: MdpSettings
-    metrics: MetricSettings
-    planner: PlannerConfig
     perception: Path | None
     perception_frames: Count
     grasp_error: NotNegative | None

@@ -16,8 +16,7 @@ import torch
 from PIL import Image
 
 from s2a import tasks
-from s2a.commands.worlds import WorldsConfig
-from s2a.core.bounds import Count
+from s2a.commands.worlds import SeenWorldsConfig
 from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write, require_writable
 from s2a.core.provenance import provenance
@@ -32,8 +31,6 @@ from s2a.learn.evaluate import (
     summary,
     warn_of_errors,
 )
-from s2a.learn.perception.depth_camera import DepthCameraConfig
-from s2a.learn.perception.network import seen
 from s2a.learn.rl.policy_file import PolicyFile, export
 from s2a.learn.rl.ppo import load_model, load_policy
 from s2a.learn.rl.run_folder import read_world
@@ -84,7 +81,7 @@ def run_soft(config: Config) -> tuple[dict[str, Any], tuple[str, ...], tuple[str
 
 
 @dataclass(frozen=True)
-class Config(WorldsConfig):
+class Config(SeenWorldsConfig):
     """Keys of `s2a evaluate`.
 
     Attributes:
@@ -94,10 +91,6 @@ class Config(WorldsConfig):
             null.
         agent: baseline in its place: zero (actions of 0), random (uniform in [-1, 1]), extreme (-1 and 1, held for up
             to four seconds); or null.
-        perception: who sees the part with a depth camera instead of being told the truth: pretrained, or what s2a perceive wrote;
-            null: nobody.
-        perception_frames: frames from places of their own of which an estimate is the median.
-        depth_camera: the camera.
         export: write the checkpoint as TorchScript and ONNX too, beside it.
         images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
         search_base: Enable the search for another base where the prepared one does not serve for all of the planner's motion.
@@ -114,9 +107,6 @@ class Config(WorldsConfig):
     checkpoint: Path | None
     policy: Path | None
     agent: Agent | None
-    perception: Path | None
-    perception_frames: Count
-    depth_camera: DepthCameraConfig
     export: bool
     images: Output | None
     search_base: bool
@@ -262,17 +252,8 @@ def run(config: Config) -> str:
     world = file.world if file else read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
-        stages, device = [_based(stage, config) for stage in config.read_stages()], device_of(config.device)
-        if config.perception:
-            stages = seen(
-                config.stage,
-                stages,
-                config.perception,
-                config.perception_frames,
-                config.depth_camera,
-                config.seed,
-                device,
-            )
+        device = device_of(config.device)
+        stages = config.see([_based(stage, config) for stage in config.read_stages()], device)
         sim = Simulation(stages, sim_config, config.num_envs, device)
         recorder = Recorder(sim) if config.recordings else None
         played = states.Watch(sim) if config.states else None

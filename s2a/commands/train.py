@@ -11,15 +11,13 @@ from typing import Any
 
 import torch
 
-from s2a.commands.worlds import WorldsConfig
-from s2a.core.bounds import Count, Fraction
+from s2a.commands.worlds import SeenWorldsConfig
+from s2a.core.bounds import Fraction
 from s2a.core.errors import InputError
 from s2a.core.locks import contents
 from s2a.core.outputs import Output, atomic_write, full_disk_reported
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import rate, warn_of_errors
-from s2a.learn.perception.depth_camera import DepthCameraConfig
-from s2a.learn.perception.network import seen
 from s2a.learn.rl import config as processes
 from s2a.learn.rl import ppo, run_folder
 from s2a.learn.rl.config import PpoConfig
@@ -38,17 +36,13 @@ METRICS = "metrics.json"
 
 
 @dataclass(frozen=True)
-class Config(WorldsConfig):
+class Config(SeenWorldsConfig):
     """Keys of `s2a train`.
 
     Attributes:
         out: folder for checkpoints, the TensorBoard log and metrics.json.
         init: policy that this one begins with, of networks of the same widths: a checkpoint of another run, with its critic; or
             pretrained, or an exported .onnx, without. null: none.
-        perception: who sees the parts with a depth camera, where the policy is not to be told the truth: pretrained, or what
-            s2a perceive wrote (its estimates.npz are of parts that no network was trained on); null: nobody.
-        perception_frames: frames from places of their own of which an estimate is the median.
-        depth_camera: the camera, where `stage` is a room.
         resume: go on from the last checkpoint in `out`, if there is one, with the same settings.
         export: write the last checkpoint as TorchScript and ONNX too.
         reward: weight of each reward term.
@@ -61,9 +55,6 @@ class Config(WorldsConfig):
 
     out: Output
     init: Path | None
-    perception: Path | None
-    perception_frames: Count
-    depth_camera: DepthCameraConfig
     resume: bool
     export: bool
     reward: RewardWeights
@@ -80,11 +71,7 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
-    stages = config.read_stages()
-    if config.perception:
-        stages = seen(
-            config.stage, stages, config.perception, config.perception_frames, config.depth_camera, config.seed, device
-        )
+    stages = config.see(config.read_stages(), device)
     sim = Simulation(processes.own_items(stages), config.sim, config.num_envs, device)
     ppo_config = _ppo_of(config)
     imitates = first < ppo_config.imitation_iterations and (config.init is None or config.ppo.target is not None)

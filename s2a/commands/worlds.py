@@ -1,4 +1,4 @@
-"""The keys that training and evaluation share: the worlds, and what is done in them."""
+"""The keys that training, evaluation and the benchmark share: the worlds, what is done in them, and what sees the parts."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from pathlib import Path
 from s2a import tasks
 from s2a.core.bounds import Count, CountFromZero
 from s2a.core.errors import InputError
+from s2a.learn.perception.depth_camera import DepthCameraConfig
+from s2a.learn.perception.network import seen
 from s2a.motion.trajectory import PlannerConfig
 from s2a.robot import Robot
 from s2a.sim.simulation import SimConfig
@@ -16,13 +18,11 @@ from s2a.tasks import MdpSettings, MetricSettings, pool
 
 
 @dataclass(frozen=True)
-class WorldsConfig:
-    """Worlds of one part of a room, or of the parts of many.
+class EpisodesConfig:
+    """Worlds, and what is done in them.
 
     Attributes:
         stage: the sim.usd; or the index that `s2a pool` writes, *.json, of whose parts every world has one.
-        part: id of the articulated part; null: the only one of the stage.
-        also: ids of further articulated parts and free objects that move; everything else stays where it was scanned.
         num_envs: worlds that are stepped together; under torchrun, of each process.
         device: cpu, cuda:0, or auto: a GPU where there is one, and each process of torchrun its own.
         seed: of the start noise, and of a network that is trained.
@@ -34,8 +34,6 @@ class WorldsConfig:
     """
 
     stage: Path
-    part: str | None
-    also: tuple[str, ...]
     num_envs: Count
     device: str
     seed: CountFromZero
@@ -44,6 +42,19 @@ class WorldsConfig:
     task: MdpSettings
     metrics: MetricSettings
     planner: PlannerConfig
+
+
+@dataclass(frozen=True)
+class WorldsConfig(EpisodesConfig):
+    """Worlds of one part of a room, or of the parts of many.
+
+    Attributes:
+        part: id of the articulated part; null: the only one of the stage.
+        also: ids of further articulated parts and free objects that move; everything else stays where it was scanned.
+    """
+
+    part: str | None
+    also: tuple[str, ...]
 
     def read_stages(self) -> list[SimStage]:
         """Read the stages of all parts; InputError as for one, or where a pool is to have one part."""
@@ -58,3 +69,25 @@ class WorldsConfig:
                 f"{self.stage} is the index of a pool, which s2a train and s2a evaluate take; give a sim.usd"
             )
         return self.read_stages()[0]
+
+
+@dataclass(frozen=True)
+class SeenWorldsConfig(WorldsConfig):
+    """Worlds whose parts a depth camera may see, where the policy is not to be told the truth.
+
+    Attributes:
+        perception: who sees the parts with a depth camera instead of being told the truth: pretrained, or what s2a perceive
+            wrote (its estimates.npz are of parts that no network was trained on); null: nobody.
+        perception_frames: frames from places of their own of which an estimate is the median.
+        depth_camera: the camera, where `stage` is a room.
+    """
+
+    perception: Path | None
+    perception_frames: Count
+    depth_camera: DepthCameraConfig
+
+    def see(self, stages: list[SimStage], device: str) -> list[SimStage]:
+        """Return stages with what is seen of their parts, if something is to see them."""
+        if self.perception is None:
+            return stages
+        return seen(self.stage, stages, self.perception, self.perception_frames, self.depth_camera, self.seed, device)

@@ -24,14 +24,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from closeness import gap_points
 from handle_error import MARGIN, TrueHandle, behind, distances, filled_behind, symmetric_error, union_surface
-from scipy.spatial.transform import Rotation
 
 from s2a import scan
 from s2a.core import config

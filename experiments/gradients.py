@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +21,8 @@ from pathlib import Path
 import cma
 import numpy as np
 import warp as wp
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from identification import NOISE, drawn
 from recorded_pulls import record
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import subprocess
 import sys
@@ -41,3 +42,18 @@ def test_a_program_imports_what_it_needs(program: Path, failures: dict[str, str]
     if absent := [room for room in satellites.MISSING if f"No module named 's2a.{room}" in failure]:
         pytest.skip(f"needs s2a.{absent[0]}")
     assert not failure, failure
+
+
+def test_tests_of_the_package_import_nothing_of_the_experiments() -> None:
+    names = {path.stem for path in (ROOT / "experiments").glob("*.py")}
+    files = [file for file in (ROOT / "tests").rglob("*.py") if file.parent.name != "experiments"]
+    imports = [(file.name, node) for file in files for node in ast.walk(ast.parse(file.read_text()))]
+    wrong = {
+        file: name
+        for file, node in imports
+        for name in (
+            [alias.name for alias in node.names] if isinstance(node, ast.Import) else [getattr(node, "module", None)]
+        )
+        if isinstance(node, (ast.Import, ast.ImportFrom)) and name in names
+    }
+    assert wrong == {}

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from any_place import any_place
 from rough_furniture import at, block, sheet
 
 from s2a.core.errors import InputError
@@ -223,15 +222,6 @@ def test_what_is_seen_from_a_sofa_is_before_it_and_not_behind_a_wall() -> None:
     assert not met(scene, at(CUP, 0.0, 3.5, 0.4), wish.relations[0])
     # In the line of the eyes, but behind the head: on top of the back.
     assert not met(scene, at(CUP, 0.0, -0.3, 0.9), wish.relations[0])
-
-
-def test_a_place_is_found_by_trying_all_where_there_is_one_and_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("any_place.STEP", 0.05)
-    relations = parse_wish("on the desk, right of the crate", LABELS).relations  # 10 cm are left there
-    found = any_place(room(), CUP, relations)
-    assert found is not None
-    assert 1.48 < found[0] < 1.6 and found[2] == pytest.approx(0.74, abs=0.01)
-    assert any_place(room(), block(0.3, 0.3, 0.1), relations) is None
 
 
 def test_the_verdict_says_what_holds_and_what_does_not() -> None:

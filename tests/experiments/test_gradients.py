@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+
+pytest.importorskip("s2a.joints", reason="needs s2a.joints")
 from gradients import quantile
 
 

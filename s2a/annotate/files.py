@@ -60,7 +60,7 @@ def divide(surface: SplitSurface, free: np.ndarray) -> list[tuple[str, np.ndarra
 def _level(surface: SplitSurface, left: np.ndarray) -> list[tuple[str, np.ndarray]]:
     """Return the floor and the ceiling: level faces near the lowest, and the highest, height with much of them."""
     level_faces = []
-    height = surface.middles[:, 2]
+    height = surface.centroids[:, 2]
     for label, sign in (("floor", 1.0), ("ceiling", -1.0)):
         level = left & (sign * surface.normals[:, 2] > LEVEL)
         planes = _planes(sign * height[level], surface.areas[level], WALL_AREA)
@@ -81,10 +81,10 @@ def _walls(surface: SplitSurface, left: np.ndarray) -> list[np.ndarray]:
         if surface.areas[near].sum() < WALL_AREA:
             continue
         normal = surface.areas[near] @ surface.normals[near] * [1.0, 1.0, 0.0]
-        offset = surface.middles @ (normal / np.linalg.norm(normal))
+        offset = surface.centroids @ (normal / np.linalg.norm(normal))
         for plane in _planes(offset[near], surface.areas[near], WALL_AREA):
             faces = np.flatnonzero(near & left & (np.abs(offset - plane) < THICK))
-            if surface.areas[faces].sum() >= WALL_AREA and np.ptp(surface.middles[faces, 2]) > WALL_HEIGHT:
+            if surface.areas[faces].sum() >= WALL_AREA and np.ptp(surface.centroids[faces, 2]) > WALL_HEIGHT:
                 walls.append(faces)
                 left[faces] = False
     return walls

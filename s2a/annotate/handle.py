@@ -56,7 +56,7 @@ def find(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> np.nd
     `point`: the place [m], shape [3].
     """
     out = standing_out(surface, region)
-    seeds = np.flatnonzero(out & (np.linalg.norm(surface.middles - point, axis=1) < NEAR))
+    seeds = np.flatnonzero(out & (np.linalg.norm(surface.centroids - point, axis=1) < NEAR))
     if not len(seeds):
         return seeds
     faces = surface.component(seeds, out)
@@ -76,13 +76,13 @@ def resolved(surface: SplitSurface, region: FrontRegion, faces: np.ndarray) -> b
     """
     if not MIN_AREA < float(surface.areas[faces].sum()) < MAX_FRACTION * float(np.prod(region.size)):
         return False
-    top = float(np.quantile(region.local(surface.middles[faces])[:, 2], 0.95))
+    top = float(np.quantile(region.local(surface.centroids[faces])[:, 2], 0.95))
     return top - ground(surface, region, faces) > GRASPABLE
 
 
 def ground(surface: SplitSurface, region: FrontRegion, faces: np.ndarray) -> float:
     """Return the height over a front's plane of what is around some faces [m]; 0 where that is behind it, or nothing."""
-    place = region.local(surface.middles)
+    place = region.local(surface.centroids)
     low, high = place[faces, :2].min(axis=0), place[faces, :2].max(axis=0)
     near = ((place[:, :2] > low - AROUND) & (place[:, :2] < high + AROUND)).all(axis=1)
     near &= np.abs(place[:, 2]) < STEPS_OUT
@@ -92,7 +92,7 @@ def ground(surface: SplitSurface, region: FrontRegion, faces: np.ndarray) -> flo
 
 def standing_out(surface: SplitSurface, region: FrontRegion) -> np.ndarray:
     """Return which faces stand out of a front, over it or a little beside it [face]."""
-    place = region.local(surface.middles)
+    place = region.local(surface.centroids)
     within = (np.abs(place[:, :2]) < region.size / 2 + MARGIN).all(axis=1)
     height = place[:, 2]
     own = height[region.faces]
@@ -102,8 +102,8 @@ def standing_out(surface: SplitSurface, region: FrontRegion) -> np.ndarray:
 
 def smeared(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> np.ndarray:
     """Return the faces of a front that stand out around a place: what a scan made of a handle, which moves with its front."""
-    within = (np.abs(region.local(surface.middles)[:, :2]) < region.size / 2).all(axis=1)
-    near = np.linalg.norm(surface.middles - point, axis=1) < SMEAR
+    within = (np.abs(region.local(surface.centroids)[:, :2]) < region.size / 2).all(axis=1)
+    near = np.linalg.norm(surface.centroids - point, axis=1) < SMEAR
     return np.flatnonzero(standing_out(surface, region) & within & near)
 
 
@@ -130,7 +130,7 @@ def usual_place(region: FrontRegion, joint: Joint | None) -> np.ndarray:
 
 def rise(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> float:
     """Return how high a front rises around a place [m]: what a scan made of a handle that it did not resolve."""
-    place = region.local(surface.middles[region.faces])
+    place = region.local(surface.centroids[region.faces])
     near = np.linalg.norm(place[:, :2] - region.local(point[None])[0, :2], axis=1) < REACH
     return float(np.clip(np.quantile(place[near, 2], 0.95), 0.0, MAX_RISE)) if near.any() else 0.0
 

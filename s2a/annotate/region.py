@@ -86,7 +86,7 @@ class FrontRegion:
 
 def grow(surface: SplitSurface, face: int, config: GrowConfig) -> FrontRegion:
     """Return the flat region around a face: connected faces near one plane, no sharp edge and no other colour between."""
-    near = np.linalg.norm(surface.middles - surface.middles[face], axis=1) < START
+    near = np.linalg.norm(surface.centroids - surface.centroids[face], axis=1) < START
     like = near & (surface.normals @ surface.normals[face] > np.cos(np.radians(config.angle)))
     faces = surface.component(np.array([face]), like)
     color = np.median(surface.face_colors[faces], axis=0)
@@ -112,7 +112,7 @@ def grow_most(surface: SplitSurface, faces: np.ndarray, config: GrowConfig) -> F
             continue
         candidate = grow(surface, int(face), config)
         grown = np.union1d(grown, candidate.faces)
-        near = np.abs(surface.middles[faces] @ candidate.normal - candidate.offset) < config.distance
+        near = np.abs(surface.centroids[faces] @ candidate.normal - candidate.offset) < config.distance
         near &= surface.normals[faces] @ candidate.normal > np.cos(np.radians(config.angle))
         if near.sum() > most:
             best, most = candidate, int(near.sum())
@@ -123,7 +123,7 @@ def grow_most(surface: SplitSurface, faces: np.ndarray, config: GrowConfig) -> F
 def around(surface: SplitSurface, faces: np.ndarray) -> FrontRegion:
     """Return faces as a region: the plane through them, and the rectangle around them but for ragged ends."""
     normal, offset = _plane(surface, faces)
-    points = surface.middles[faces]
+    points = surface.centroids[faces]
     axes = rectangle_axes(normal, points)
     areas = surface.areas[faces]
     flat = points @ axes
@@ -157,7 +157,7 @@ def cut_out(
 
 def _inside(surface: SplitSurface, region: FrontRegion, margin: float, config: GrowConfig) -> np.ndarray:
     """Return which faces lie within a region's rectangle, widened by a margin [m], near its plane and not turned away."""
-    place = region.local(surface.middles)
+    place = region.local(surface.centroids)
     flat = (np.abs(place[:, :2]) < region.size / 2 + margin).all(axis=1)
     deep = (place[:, 2] > -config.thickness) & (place[:, 2] < config.thickness)
     return flat & deep & (surface.normals @ region.normal > 0.1)
@@ -169,15 +169,15 @@ def _plane(surface: SplitSurface, faces: np.ndarray) -> tuple[np.ndarray, float]
     mean = np.average(surface.normals[faces], axis=0, weights=areas)
     if len(faces) < 4:
         normal = mean / max(float(np.linalg.norm(mean)), 1e-12)
-        return normal, float(normal @ np.average(surface.middles[faces], axis=0, weights=areas))
-    return fit_plane(surface.middles[faces], areas, mean)
+        return normal, float(normal @ np.average(surface.centroids[faces], axis=0, weights=areas))
+    return fit_plane(surface.centroids[faces], areas, mean)
 
 
 def _grown(
     surface: SplitSurface, face: int, normal: np.ndarray, offset: float, color: np.ndarray, config: GrowConfig
 ) -> np.ndarray:
     """Return the faces that are connected to one through faces near a plane and of one colour, with no sharp edge between."""
-    allowed = np.abs(surface.middles @ normal - offset) < config.distance
+    allowed = np.abs(surface.centroids @ normal - offset) < config.distance
     allowed &= surface.normals @ normal > np.cos(np.radians(config.angle))
     allowed &= np.linalg.norm(surface.face_colors - color, axis=1) < config.color
     allowed[face] = True

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from s2a.scene.geometry.mesh_ops import GREY
+from s2a.scene.geometry.mesh_ops import GREY, Triangles
 from s2a.scene.scene import Mesh
 
 ADDED = -1
@@ -19,18 +19,14 @@ ON_PLANE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class SplitSurface:
+class SplitSurface(Triangles):
     """A scan's mesh; faces keep their numbers, later ones are appended.
 
     Attributes:
-        vertices: [m], shape [vertex 3], float64.
-        faces: vertex indices, shape [face 3].
         colors: RGB, shape [vertex 3], 0 to 255, float64.
         source: face of the scan that each face is a piece of, shape [face]; ADDED for what was not scanned.
     """
 
-    vertices: np.ndarray
-    faces: np.ndarray
     colors: np.ndarray
     source: np.ndarray
 
@@ -39,26 +35,6 @@ class SplitSurface:
         """Return the surface of a scan's mesh; grey without colours."""
         colors = np.full(vertices.shape, GREY) if colors is None else colors
         return SplitSurface(vertices.astype(float), faces.astype(np.int64), colors.astype(float), np.arange(len(faces)))
-
-    @cached_property
-    def _crosses(self) -> np.ndarray:
-        a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
-        return np.cross(b - a, c - a)
-
-    @cached_property
-    def areas(self) -> np.ndarray:
-        """Area of each face [m^2], shape [face]."""
-        return 0.5 * np.linalg.norm(self._crosses, axis=1)
-
-    @cached_property
-    def normals(self) -> np.ndarray:
-        """Unit normal of each face, shape [face 3]; zero without area."""
-        return self._crosses / np.maximum(2.0 * self.areas, 1e-15)[:, None]
-
-    @cached_property
-    def middles(self) -> np.ndarray:
-        """Centroid of each face [m], shape [face 3]."""
-        return self.vertices[self.faces].mean(axis=1)
 
     @cached_property
     def face_colors(self) -> np.ndarray:

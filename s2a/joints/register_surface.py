@@ -9,46 +9,19 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from s2a.scene.geometry.mesh_ops import Triangles
 from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
 from s2a.scene.geometry.occupancy import connected_cells
 
 
 @dataclass(frozen=True, eq=False)
-class OrientedMesh:
-    """A triangle mesh with normals towards free space.
-
-    Attributes:
-        vertices: [m], shape [vertex 3], float64.
-        faces: vertex indices, shape [face 3].
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
+class OrientedMesh(Triangles):
+    """A triangle mesh with normals towards free space."""
 
     @cached_property
     def tree(self) -> RayMesh:
         """For closest points and rays."""
         return ray_mesh(self.vertices, self.faces)
-
-    @cached_property
-    def centroids(self) -> np.ndarray:
-        """Middle of each face [m], shape [face 3]."""
-        return self.vertices[self.faces].mean(axis=1)
-
-    @cached_property
-    def _cross(self) -> np.ndarray:
-        a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
-        return np.cross(b - a, c - a)
-
-    @cached_property
-    def areas(self) -> np.ndarray:
-        """Area of each face [m^2], shape [face]."""
-        return 0.5 * np.linalg.norm(self._cross, axis=1)
-
-    @cached_property
-    def normals(self) -> np.ndarray:
-        """Unit normal of each face, shape [face 3]; zero for a face without area."""
-        return self._cross / np.maximum(2.0 * self.areas, 1e-15)[:, None]
 
     def moved(self, motion: np.ndarray) -> OrientedMesh:
         """Return the surface after a rigid motion, shape [4 4]."""

@@ -144,14 +144,14 @@ class Faces:
 
     Attributes:
         surface: the room.
-        middles: of the faces [m], shape [face 3].
+        centroids: of the faces [m], shape [face 3].
         areas: of the faces [m^2], shape [face].
     """
 
     def __init__(self, surface: ScanSurface) -> None:
         """Measure them."""
         self.surface = surface
-        self.middles = centroids(surface.mesh)
+        self.centroids = centroids(surface.mesh)
         self.areas = surface.mesh.face_areas
 
     def own(self, part: str, faces: np.ndarray) -> np.ndarray:
@@ -161,9 +161,9 @@ class Faces:
 
     def near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Return the faces whose middles lie in a box with these corners [m], shape [face]."""
-        faces = np.arange(len(self.middles))
+        faces = np.arange(len(self.centroids))
         for axis in range(3):
-            place = self.middles[faces, axis]
+            place = self.centroids[faces, axis]
             faces = faces[(place >= low[axis]) & (place <= high[axis])]
         return faces
 
@@ -202,8 +202,8 @@ def find_sides(
     """
     reach = extent / 2 + 2 * BAND
     near = faces.near(center - reach, center + reach)
-    near = near[np.abs((faces.middles[near] - center) @ normal) < BAND]
-    place, mine, weights = (faces.middles[near] - center) @ axes, faces.own(part, near), faces.areas[near]
+    near = near[np.abs((faces.centroids[near] - center) @ normal) < BAND]
+    place, mine, weights = (faces.centroids[near] - center) @ axes, faces.own(part, near), faces.areas[near]
     sides: list[FrontSide] = []
     if mine.sum() < FEW:
         return ()

@@ -34,7 +34,7 @@ def editor() -> Editor:
 
 
 def click(editor: Editor, *point: float) -> int:
-    middles = editor.annotation.surface.middles
+    middles = editor.annotation.surface.centroids
     return int(np.argmin(np.linalg.norm(middles - np.array(point), axis=1)))
 
 
@@ -51,7 +51,7 @@ def test_a_region_ends_where_colour_and_plane_end(editor: Editor) -> None:
     region = editor.item.region
     np.testing.assert_allclose(region.normal, (1, 0, 0), atol=1e-9)
     np.testing.assert_allclose(region.size, (0.8, 0.9), atol=0.025)  # a column of cells has both colours
-    assert (editor.annotation.surface.middles[region.faces][:, 0] == 0).all()
+    assert (editor.annotation.surface.centroids[region.faces][:, 0] == 0).all()
 
 
 def test_a_rectangle_is_cut_out_to_the_micrometre(editor: Editor) -> None:
@@ -101,7 +101,7 @@ def test_two_points_off_the_sides_are_a_line_of_their_own(editor: Editor) -> Non
 def test_a_handle_that_stands_out_is_found_and_one_that_does_not_is_added(editor: Editor) -> None:
     drawer(editor)
     surface = editor.annotation.surface
-    assert surface.middles[editor.item.handle][:, 0].max() == pytest.approx(0.035)
+    assert surface.centroids[editor.item.handle][:, 0].max() == pytest.approx(0.035)
     assert editor.item.completed == "" and len(editor.item.handle) > 10
     editor.handle(np.array([0.0, -0.6, 0.64]))
     added, surface = editor.item.handle, editor.annotation.surface

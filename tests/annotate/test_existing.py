@@ -24,7 +24,7 @@ LOWER = DRAWER - [0.0, 0.0, 0.3]
 
 
 def at(editor: Editor, *point: float) -> int:
-    middles = editor.annotation.surface.middles
+    middles = editor.annotation.surface.centroids
     return int(np.argmin(np.linalg.norm(middles - np.array(point), axis=1)))
 
 

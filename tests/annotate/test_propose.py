@@ -182,7 +182,7 @@ def test_most_proposals_in_an_office_that_the_network_was_not_trained_on_are_par
     """It was trained on homes of seeds 0 to 10."""
     bare = files.read(office_scan)
     items = propose(bare.surface, PROPOSE, GROW)
-    middles = bare.surface.middles
+    middles = bare.surface.centroids
     bounds = {
         p: np.stack([office.part(p).mesh.vertices.min(0), office.part(p).mesh.vertices.max(0)]) for p in office.movable
     }
@@ -216,7 +216,7 @@ def test_a_proposed_handle_is_found_as_one_that_is_clicked(monkeypatch: pytest.M
     assert item.joint.kind == "prismatic" and item.proposed and not len(item.handle)
     (scanned,) = run.cut(surface, (item,), GROW).items
     assert len(scanned.handle) and not scanned.completed
-    board = surface.middles[:, 0] < 0.01
+    board = surface.centroids[:, 0] < 0.01
     bare = SplitSurface.of(mesh.vertices, mesh.faces[board], mesh.colors)
     (added,) = run.cut(bare, propose(bare, PROPOSE, GROW, told), GROW).items
     assert added.completed == "bar" and len(added.handle)

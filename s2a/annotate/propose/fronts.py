@@ -357,13 +357,13 @@ def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig)
     faces = inside(surface, region, grow.distance)
     if surface.areas[faces].sum() < 0.3 * region.size.prod():
         return None
-    normal, _ = fit_plane(surface.middles[faces], surface.areas[faces], layer.normal)
+    normal, _ = fit_plane(surface.centroids[faces], surface.areas[faces], layer.normal)
     normal = normal * [1.0, 1.0, 0.0]
     normal /= np.linalg.norm(normal)
     if normal @ layer.normal < 0.99:
         normal = layer.normal
     right = np.array([-normal[1], normal[0], 0.0])
-    offset = float(np.median(surface.middles[faces] @ normal))
+    offset = float(np.median(surface.centroids[faces] @ normal))
     center = region.center + (offset - float(region.center @ normal)) * normal
     turned = replace(region, normal=normal, center=center, axes=np.stack([right, region.axes[:, 1]], axis=1))
     return replace(turned, faces=inside(surface, turned, grow.thickness))
@@ -371,7 +371,7 @@ def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig)
 
 def inside(surface: SplitSurface, region: FrontRegion, distance: float) -> np.ndarray:
     """Return the faces whose middles lie in a region's rectangle, nearer to its plane than [m], and facing as it does."""
-    place = region.local(surface.middles)
+    place = region.local(surface.centroids)
     flat = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < distance)
     return np.flatnonzero(flat & (surface.normals @ region.normal > ALIGNED))
 

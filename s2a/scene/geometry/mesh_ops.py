@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,6 +12,38 @@ from s2a.scene.scene import Mesh, crosses
 
 GREY = 180
 """Colour of a surface without colours, once it is merged with coloured ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """A surface of triangles, and what follows for each of them.
+
+    Attributes:
+        vertices: [m], shape [vertex 3], float64.
+        faces: vertex indices, shape [face 3].
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+
+    @cached_property
+    def _crosses(self) -> np.ndarray:
+        return np.concatenate([np.zeros((0, 3)), *crosses(self.vertices, self.faces)])
+
+    @cached_property
+    def areas(self) -> np.ndarray:
+        """Area of each face [m^2], shape [face]."""
+        return 0.5 * np.linalg.norm(self._crosses, axis=1)
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Unit normal of each face, shape [face 3]; zero without area."""
+        return self._crosses / np.maximum(2.0 * self.areas, 1e-15)[:, None]
+
+    @cached_property
+    def centroids(self) -> np.ndarray:
+        """Middle of each face [m], shape [face 3]."""
+        return self.vertices[self.faces].mean(axis=1)
 
 
 def merge(meshes: Sequence[Mesh]) -> Mesh:

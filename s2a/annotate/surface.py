@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from s2a.scene.geometry.mesh_ops import GREY, Triangles
+from s2a.scene.geometry.mesh_ops import GREY, TriangleSurface
 from s2a.scene.scene import Mesh
 
 ADDED = -1
@@ -19,7 +19,7 @@ ON_PLANE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class SplitSurface(Triangles):
+class SplitSurface(TriangleSurface):
     """A scan's mesh; faces keep their numbers, later ones are appended.
 
     Attributes:

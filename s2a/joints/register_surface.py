@@ -9,13 +9,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from s2a.scene.geometry.mesh_ops import Triangles
+from s2a.scene.geometry.mesh_ops import TriangleSurface
 from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
 from s2a.scene.geometry.occupancy import connected_cells
 
 
 @dataclass(frozen=True, eq=False)
-class OrientedMesh(Triangles):
+class OrientedMesh(TriangleSurface):
     """A triangle mesh with normals towards free space."""
 
     @cached_property

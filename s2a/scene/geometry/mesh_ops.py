@@ -15,7 +15,7 @@ GREY = 180
 
 
 @dataclass(frozen=True, eq=False)
-class Triangles:
+class TriangleSurface:
     """A surface of triangles, and what follows for each of them.
 
     Attributes:

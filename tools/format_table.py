@@ -14,10 +14,11 @@ def main() -> None:
     sys.path.insert(0, str(ROOT / "tests" / "support"))
     from mesh_features import FEATURES, table
     from mesh_variants import VARIANTS
+    from plain_files import PLAIN_FILES
 
     page = ROOT / "docs" / "own_scan.md"
     before, _, rest = page.read_text().partition(BEGIN)
-    page.write_text(before + BEGIN + table(FEATURES + VARIANTS) + END + rest.partition(END)[2])
+    page.write_text(before + BEGIN + table(FEATURES + VARIANTS + PLAIN_FILES) + END + rest.partition(END)[2])
 
 
 if __name__ == "__main__":

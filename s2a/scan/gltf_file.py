@@ -163,7 +163,7 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:
 
 
 TRANSFORM, GLOSS = "KHR_texture_transform", "KHR_materials_pbrSpecularGlossiness"
-STRENGTH = "KHR_materials_emissive_strength"
+STRENGTH, GLASS = "KHR_materials_emissive_strength", "KHR_materials_transmission"
 IMAGES = ("EXT_texture_webp", "EXT_texture_avif")
 """Extensions of textures whose images Pillow decodes."""
 READ = (TRANSFORM, GLOSS, *IMAGES)
@@ -201,7 +201,9 @@ class GltfMaterials:
         if "material" not in primitive:
             return uv, colors, None
         material, info = self._material(primitive["material"])
-        if self._file.items("materials")[primitive["material"]].get("alphaMode", "OPAQUE") != "OPAQUE":
+        record = self._file.items("materials")[primitive["material"]]
+        glass = record.get("extensions", {}).get(GLASS, {}).get("transmissionFactor", 0)
+        if record.get("alphaMode", "OPAQUE") != "OPAQUE" or glass:
             self.lost["faces are transparent or cut out by their texture, and become opaque"] += len(faces)
         if material.texture is None:
             return uv, colors, material

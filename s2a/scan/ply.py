@@ -19,6 +19,7 @@ _log = logging.getLogger(__name__)
 _MAX_SPAN = 1000.0  # [m]; beyond any room, so another unit or a damaged number
 _SUSPICIOUS_SPAN = 60.0  # [m]; beyond the rooms that anybody scanned (ten metres), though there are halls
 _COLORS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+_COLORS += (("gray",) * 3, ("grey",) * 3)
 _FLOAT32_RANGE = 100.0  # [m]; from here on float32 rounds coordinates by 8 um or more
 
 
@@ -81,7 +82,10 @@ def corner_lists(face: Element) -> Lists | None:
     """Return the vertices of faces; None where no property lists them."""
     names = ["vertex_indices", "vertex_index", *face.lists]
     lists = next((face.lists[name] for name in names if name in face.lists), None)
-    return lists if lists is not None and lists.values.dtype.kind in "iu" else None
+    if lists is None or lists.values.dtype.kind in "iu":
+        return lists
+    whole = np.isfinite(lists.values).all() and (lists.values % 1 == 0).all()
+    return Lists(lists.counts, lists.values.astype(np.int64)) if whole else None
 
 
 def color_levels(path: Path, element: Element) -> np.ndarray | None:

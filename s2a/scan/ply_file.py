@@ -92,7 +92,7 @@ def read(path: Path) -> PlyFile:
 
 def _parsed(data: bytes) -> PlyFile:
     """Return what the bytes of a file hold; a ValueError and its like say what is wrong with them."""
-    start = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
+    start = re.match(rb"(?:\xef\xbb\xbf)?ply[ \t]*(\r\n|\n|\r)", data)
     end = re.compile(rb"[\r\n]end_header[ \t]*(\r\n|\n|\r|$)").search(data, 0, _MAX_HEADER)
     if not start or not end:
         raise ValueError("no header")

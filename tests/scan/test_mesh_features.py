@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from mesh_features import FEATURES, Feature, table
 from mesh_variants import VARIANTS
+from plain_files import PLAIN_FILES
 
 from s2a.core.errors import InputError
 from s2a.scan import source
 from s2a.scan.bake import bake
 from s2a.scan.polygons import ears
 
-FILES = FEATURES + VARIANTS
+FILES = FEATURES + VARIANTS + PLAIN_FILES
 DOCS = Path(__file__).parents[2] / "docs" / "own_scan.md"
 BEGIN, END = "<!-- formats: begin -->\n", "<!-- formats: end -->\n"
 
@@ -54,7 +55,7 @@ def test_a_file_is_read_as_its_format_says(feature: Feature, tmp_path: Path, cap
         assert distance.min(axis=1).max() <= 1 and distance.min(axis=0).max() <= 1, np.unique(baked.colors, axis=0)
 
 
-@pytest.mark.parametrize("format", ["glTF", "OBJ", "PLY", "USD"])
+@pytest.mark.parametrize("format", ["glTF", "OBJ", "PLY", "USD", "STL", "OFF"])
 @pytest.mark.parametrize("seed", range(3))
 def test_damaged_files_are_read_or_refused_but_never_crash(format: str, seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)

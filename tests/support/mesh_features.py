@@ -1003,7 +1003,7 @@ FEATURES = _features()
 
 def table(features: list[Feature]) -> str:
     """Return the lists of docs/own_scan.md: a row for each feature that a reader warns of or refuses; the others by format."""
-    formats = ("glTF", "OBJ", "PLY", "USD")
+    formats = ("glTF", "OBJ", "PLY", "USD", "STL", "OFF")
     rows, others = [f"| | {' | '.join(formats)} |", "|---|" + "---|" * len(formats)], []
     for group in (COLORS, TEXTURES, GEOMETRY, STAGES, NAMES):
         read: dict[str, list[str]] = {}

@@ -21,11 +21,13 @@ from s2a.scan.source import CLAMP, PLAIN, REPEAT, Material, SourceMesh, Stated, 
 
 _log = logging.getLogger(__name__)
 
-_ARITY = dict.fromkeys("-blendu -blendv -boost -cc -clamp -imfchan -texres -type -bm".split(), 1)
+_ARITY = dict.fromkeys("-blendu -blendv -boost -cc -clamp -colorspace -imfchan -texres -type -bm".split(), 1)
 _ARITY |= {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}
 """Options of a map and how many arguments they take; the last three take one to three numbers."""
 
 
+_ENDED = re.compile(r"""[^\s"'].*?\.mtl(?=\s|$)""", re.IGNORECASE)
+"""A name, maybe with spaces, up to the ending of a library."""
 _OPAQUE = {"d": 1.0, "Tr": 0.0}
 """Values of dissolve and transparency for what one does not see through."""
 
@@ -97,6 +99,10 @@ def read_materials(mesh: Path, line: str) -> dict[str, Painted]:
 
 def _libraries(folder: Path, names: str) -> list[str]:
     """Return the names on a `mtllib` line, which may hold several, or one with spaces, or both."""
+    # Of "./a.mtl ./b.mtl" the last alone would be found as the bare name of a path.
+    ended = [match.split(" #")[0] for match in _ENDED.findall(names) if not match.startswith("#")]
+    if len(ended) > 1 and not (folder / names).is_file():
+        return ended
     if beside(folder, names) is not None:
         return [names]
     names = short(names) or names

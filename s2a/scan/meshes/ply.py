@@ -51,6 +51,8 @@ def read(path: Path) -> SourceMesh:
         raise InputError(f"{path}: a face names vertex {faces.max()} of {len(points)}; export it again")
     uv, number, materials = _textures(path, file, faces, corners, polygon)
     colors = _colors(path, vertex, face, faces, polygon)
+    if not materials and np.isnan(colors).all() and _coordinates(file) != (None, None):
+        _log.warning("%s: has texture coordinates, and no texture that is read; its faces become grey", path)
     colors[number >= 0] = np.nan  # a texture holds the colours already
     return SourceMesh(points, faces, uv, colors, number, materials, Stated())
 
@@ -87,6 +89,13 @@ def _colors(path: Path, vertex: Element, face: Element | None, faces: np.ndarray
     return np.full((*faces.shape, 3), np.nan, dtype=np.float32)
 
 
+def _coordinates(file: PlyFile) -> tuple[Lists | None, tuple[str, str] | None]:
+    """Return the texture coordinates of corners, and the names of those of vertices."""
+    face, columns = file.elements.get("face"), set(file.elements["vertex"].columns)
+    wedge = None if face is None else face.lists.get("texcoord")
+    return wedge, next((pair for pair in COORDINATES if set(pair) <= columns), None)
+
+
 def _textures(
     path: Path, file: PlyFile, faces: np.ndarray, corners: np.ndarray, polygon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, tuple[Material, ...]]:
@@ -94,9 +103,10 @@ def _textures(
     names = [comment.split(None, 1)[1] for comment in file.comments if comment.lower().startswith(f"{IMAGE} ")]
     uv, number = np.full((*faces.shape, 2), np.nan), np.full(len(faces), -1)
     vertex, face = file.elements["vertex"], file.elements.get("face")
-    wedge = None if face is None else face.lists.get("texcoord")
-    pair = next((pair for pair in COORDINATES if set(pair) <= set(vertex.columns)), None)
+    wedge, pair = _coordinates(file)
     if not names or (wedge is None and pair is None):
+        if names:
+            _log.warning("%s: no texture coordinates are read for the texture %s, which is left out", path, names[0])
         return uv, number, ()
     images = [read_image(path, path.parent, name) for name in names]
     materials = tuple(PLAIN if image is None else Material(np.ones(3), image) for image in images)

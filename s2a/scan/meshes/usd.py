@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from s2a.core.errors import InputError
 from s2a.scan.polygons import triangulate
@@ -213,9 +213,20 @@ class _Reader:
         """Log what is left out."""
         for what, count in self._lost.items():
             _log.warning("%s: %d %s", self._path, count, what)
+        if others := [layer for layer in self._stage.GetUsedLayers() if self._differs(layer.pseudoRoot)]:
+            text = "%s: %d layers state another up axis or unit, such as %s; USD does not convert what is referenced"
+            _log.warning(text, self._path, len(others), others[0].GetDisplayName())
         if errors := self._stage.GetCompositionErrors():
             first = " ".join(str(errors[0]).split())[:160]
             _log.warning("%s: %d references cannot be followed: %s", self._path, len(errors), first)
+
+    def _differs(self, root: Sdf.PrimSpec) -> bool:
+        """Return whether a layer states another up axis or unit than the stage has."""
+        stated = _stated(self._stage)
+        up = str(root.GetInfo("upAxis")).lower() if root.HasInfo("upAxis") else stated.up
+        unit = root.GetInfo("metersPerUnit") if root.HasInfo("metersPerUnit") else stated.unit
+        same = stated.unit is None or UsdGeom.LinearUnitsAre(unit, stated.unit)
+        return stated.up not in (None, up) or not same
 
     def _shown(self, root: Usd.Prim, place: Place, depth: int) -> Iterator[tuple[Usd.Prim, np.ndarray, str]]:
         """Yield the visible prims with a shape at and below a prim, where they stand, and their purpose."""

@@ -24,7 +24,7 @@ from s2a.scene.usd import descriptive, geometric, sim_stage
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.joints import KINDS, is_body, joint_ends, read_joint, site_point
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
-from s2a.scene.usd.stage import open_stage, read_attribute, reading, xyzw
+from s2a.scene.usd.stage import ENCODINGS, open_stage, read_attribute, reading, xyzw
 
 PACKAGE = ".usdz"
 """Ending of a room with all its files in one; a scanning app's package is no room, which opening it says."""
@@ -37,7 +37,7 @@ def read(path: Path) -> Scene | SimRoom | dict[str, DescribedPart]:
         InputError: no such file, one without a room, or a damaged one.
     """
     row = artefacts.recognised(path, "room")
-    if row is None and path.is_file():
+    if row is None and path.is_file() and _is_stage(path):
         open_stage(path, payloads=False)  # says what is wrong with a damaged or foreign stage
     reader = (row or artefacts.find(path, "room")).room
     assert reader is not None
@@ -111,7 +111,7 @@ def tree(path: Path) -> str:
     Raises:
         InputError: neither a readable scan nor a stage that s2a wrote.
     """
-    row = artefacts.recognised(path, "room") or artefacts.find(path, "tree")
+    row = artefacts.recognised(path, "room") or artefacts.recognised(path, "tree") or artefacts.find(path, "room")
     if row.tree:
         return row.tree(path)
     assert row.room is not None
@@ -267,11 +267,27 @@ def _stated(path: Path, changed: int, size: int) -> str | None:
         return None
 
 
+def _is_stage(path: Path) -> bool:
+    """Return whether a file's name ends as those of USD do."""
+    return path.suffix.lower() in (*ENCODINGS, PACKAGE)
+
+
+def _room_of(path: Path) -> Path | None:
+    """Return the simulation-ready stage whose visuals a file holds; None for any other file."""
+    room = path.with_name(path.name.replace("_visuals.", "."))
+    return room if room != path and _is_stage(path) and _flavour(room) == sim_stage.FLAVOUR else None
+
+
 artefacts.register(
     Artefact(
         "a mesh",
         lambda path: path.suffix.lower() != PACKAGE and mesh_remedy(path) is not None,
         instead=lambda path: f"{mesh_remedy(path)}, in a folder of its own, and give that folder",
+    ),
+    Artefact(
+        "the mesh of a scan",
+        lambda path: path.suffix.lower() == ".ply",
+        instead=lambda path: f"is a mesh alone; give the folder of its scan, or s2a import mesh={path} out=FOLDER",
     ),
     Artefact("a scan's folder", Path.is_dir, room=lambda path: scan.read(path), fallback=True),
     Artefact(
@@ -281,5 +297,15 @@ artefacts.register(
     Artefact(
         "a simulation-ready stage", lambda path: _flavour(path) == sim_stage.FLAVOUR, room=sim_stage.read, tree=_prims
     ),
-    Artefact("another stage that s2a wrote", Path.is_file, tree=_prims, fallback=True),
+    Artefact(
+        "another stage that s2a wrote",
+        _is_stage,
+        tree=_prims,
+        fallback=True,
+    ),
+    Artefact(
+        "the visuals of a room",
+        lambda path: _room_of(path) is not None,
+        instead=lambda path: f"holds the visuals of a room; give {_room_of(path)}",
+    ),
 )

@@ -62,15 +62,19 @@ def recognised(path: Path, use: str) -> Artefact | None:
     """Return the row of a path that has a use ("room", "notes", "report", ...), or None.
 
     Raises:
-        InputError: the path holds a kind that is not shown itself; it says what to do instead.
+        InputError: the path holds a kind that is not shown itself, or only reported; it says what to do instead.
     """
     assert use in {field.name for field in fields(Artefact)}
-    for row in TABLE:
-        if (getattr(row, use) or row.instead) and row.recognise(path):
-            if row.instead:
-                raise InputError(f"{path}: {row.instead(path)}")
-            return row
-    return None
+    row = next((row for row in TABLE if (getattr(row, use) or row.instead) and row.recognise(path)), None)
+    if row is not None and row.instead:
+        raise InputError(f"{path}: {row.instead(path)}")
+    if use in ("room", "tree") and (row is None or row.fallback):
+        other = next(
+            (each for each in TABLE if each.report and not (each.fallback or each.notes) and each.recognise(path)), None
+        )
+        if other is not None:
+            raise InputError(f"{path}: is {other.name}, which is not shown; give s2a report path={path}")
+    return row
 
 
 def find(path: Path, use: str) -> Artefact:

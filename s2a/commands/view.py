@@ -10,6 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
+import s2a.view.report  # noqa: F401  registers what s2a report takes, which is named for a path that is not shown
 from s2a.core.bounds import AtLeast, Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write, require_png

@@ -15,11 +15,10 @@ from s2a.scene.artefacts import Artefact
 from s2a.scene.scene import Joint
 from s2a.scene.usd.stamp import content_hash
 from s2a.view.page.room import PagePart, PageRoom, unit
-from s2a.view.report import RECORD
 
 Note = tuple[tuple[str, str], ...]
 """Names and values that a card shows."""
-INSERTION, LAYER = "insert.json", "insert.usda"
+REPORT, INSERTION, LAYER = "report.json", "insert.json", "insert.usda"
 PLACE = "place"
 """The step of an insertion from which on its object is there."""
 DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError)
@@ -171,8 +170,8 @@ INSERTED = "a folder of s2a insert"
 artefacts.register(
     Artefact(
         "a folder of s2a certify",
-        lambda path: (path / RECORD).is_file(),
-        notes=lambda path: _read(path / RECORD, _validation),
+        lambda path: (path / REPORT).is_file(),
+        notes=lambda path: _read(path / REPORT, _validation),
     ),
     Artefact(
         INSERTED, lambda path: (path / INSERTION).is_file(), notes=lambda path: _read(path / INSERTION, _insertion)

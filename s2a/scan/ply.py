@@ -18,8 +18,13 @@ _log = logging.getLogger(__name__)
 
 _MAX_SPAN = 1000.0  # [m]; beyond any room, so another unit or a damaged number
 _SUSPICIOUS_SPAN = 60.0  # [m]; beyond the rooms that anybody scanned (ten metres), though there are halls
-_COLORS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
-_COLORS += (("gray",) * 3, ("grey",) * 3)
+_COLORS: tuple[tuple[str, ...], ...] = (
+    ("red", "green", "blue"),
+    ("r", "g", "b"),
+    ("diffuse_red", "diffuse_green", "diffuse_blue"),
+    ("gray",) * 3,
+    ("grey",) * 3,
+)
 _FLOAT32_RANGE = 100.0  # [m]; from here on float32 rounds coordinates by 8 um or more
 
 

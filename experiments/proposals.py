@@ -70,21 +70,25 @@ def true_parts(
 ) -> list[tuple[str, np.ndarray, Joint]]:
     """Return id, faces (with all that moves along) and true joint of each moving part that the scan shows."""
     annotated = articulate3d.read_parts(folder.find(path).parts, bare.mesh)
-    parent = parents({number: part.label for number, part in annotated.items()})
     found = []
     for name, facts in truth["parts"].items():
         if "joint" not in facts:
             continue
-        number = int(name.rpartition("_")[2])
-        mine = {number}
-        for other in sorted(annotated):
-            mine |= {other} if parent[other] in mine else set()
-        scanned = np.unique(np.concatenate([annotated[n].faces for n in mine if n in annotated]))
+        scanned = faces_of(name, annotated)
         faces = np.flatnonzero(np.isin(source, scanned))
         if surface.areas[faces].sum() >= MIN_AREA:
             joint = facts["joint"]
             found.append((name, faces, Joint(joint["kind"], joint["axis"], joint["origin"], joint["limits"])))
     return found
+
+
+def faces_of(name: str, annotated: dict) -> np.ndarray:
+    """Return the faces of an annotated part, by its id, with all that moves along; empty where none are annotated."""
+    parent = parents({number: part.label for number, part in annotated.items()})
+    mine = {int(name.rpartition("_")[2])}
+    for other in sorted(annotated):
+        mine |= {other} if parent[other] in mine else set()
+    return np.unique(np.concatenate([np.zeros(0, int), *(annotated[n].faces for n in mine if n in annotated)]))
 
 
 def overlap(surface: SplitSurface, one: np.ndarray, other: np.ndarray) -> float:

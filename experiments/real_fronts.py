@@ -1,7 +1,17 @@
-"""Fronts of real rooms: do two annotators agree, and do proposals agree with them?
+"""Fronts of real rooms: do two annotators agree, do proposals agree with them, and what share does a policy open?
 
     python experiments/real_fronts.py                                            # agreement alone, from experiments/real_rooms
     python experiments/real_fronts.py scene0000_00=runs/proposed --out FILE      # a folder of s2a annotate auto=true page=false
+    python experiments/real_fronts.py --opened rooms/pool.json=bench.json --out experiments/results/real_opened.json
+
+The last takes the index of s2a dataset and the file of s2a bench on it. Its rows are all fronts of a room, also those without a
+proposal: annotated ones of real captures, and the parts that move of virtual homes, whose folder with its truth has to lie where
+the index names it. A front is opened where its proposal has its kind and opens in half of the episodes or more.
+
+A pass on the annotation page, played by a program that has annotator A's fronts: false proposals removed, the others taken over,
+missing ones drawn with kind and handle, all by the page's own editor; its actions are counted:
+
+    python experiments/real_fronts.py --correct scene0000_00=rooms/scene0000_00/annotated=corrected/scene0000_00 --out pass.json
 
 The annotations hold rectangles, kinds, hinge sides and places of handles of two captures that may not be given on; each file
 names the capture by its checksum. Rectangles are compared on the plane of the first: their intersection over union, where
@@ -12,15 +22,36 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from proposals import MATCH as MATCH_FACES
+from proposals import faces_of, overlap, true_parts
 
+from s2a import scan
+from s2a.annotate import existing, files
+from s2a.annotate.editor import Editor
+from s2a.annotate.region import FrontRegion, GrowConfig
+from s2a.annotate.surface import SplitSurface
 from s2a.core.provenance import provenance
+from s2a.scan import folder as scan_files
+from s2a.scan.formats import articulate3d
+from s2a.scan.imported import SOURCE_FACES
 
 ROOMS = Path(__file__).with_name("real_rooms")
 MATCH, MAX_ANGLE, MAX_OFFSET = 0.5, 20.0, 0.12
 """Intersection over union, and [deg] and [m] between the planes of two rectangles of one front."""
+OPENED = 0.5
+"""Fraction of a part's episodes from which on it counts as opened."""
+REASONS = {"check ": "contradicted", "no base pose": "no base", "s2a prepare": "not prepared"}
+"""Outcome by the beginning of the reason why a part is left out of an index; other reasons: no plan."""
+PACE = 3.0
+"""[s] An action on the page, as in experiments/annotate_clicks.py: a click, a drag, or a turn of the camera."""
+AIMS = 25
+"""Faces of a drawn rectangle that the page looks at."""
+KINDS = {"prismatic": "slide", "revolute": "hinge"}
 
 
 class Front:
@@ -55,8 +86,6 @@ def annotated(capture: str, annotator: str) -> list[Front]:
 
 def proposed(folder: Path) -> list[Front]:
     """Return the fronts of an annotated folder: rectangles of annotate.json, joints of the scan."""
-    from s2a import scan
-
     scene = scan.read(folder)
     records = json.loads((folder / "annotate.json").read_text())["parts"]
     fronts = []
@@ -108,12 +137,196 @@ def compared(truth: list[Front], fronts: list[Front]) -> dict:
     }
 
 
+def outcomes(index: Path, bench: Path) -> Iterator[dict]:
+    """Yield what became of each front of the rooms of a data set.
+
+    Args:
+        index: of s2a dataset.
+        bench: of s2a bench on that index.
+    """
+    content, results = json.loads(index.read_text()), json.loads(bench.read_text())["parts"]
+    success = {(row["room"], row["part"]): row["success"] for row in results}
+    for verdict in content["verdicts"]:
+        name, source = verdict["name"], Path(verdict["source"])
+        folder = index.parent / name / "annotated"
+        folder = folder if folder.is_dir() else source
+        home = (source if source.is_dir() else source.resolve().parent) / "truth/truth.json"
+        parts = scan.read(folder).movable if not verdict["failed"] else ()
+        truths: dict[str, tuple[list[tuple[str, str]], np.ndarray, float]] = {}
+        if home.is_file():
+            truths["truth"] = *_virtual(home, folder, parts), MATCH_FACES
+        for path in sorted(ROOMS.glob(f"{name}.?.json")):
+            annotator = path.stem[-1]
+            ids = [record["id"] for record in json.loads(path.read_text())["fronts"]]
+            real, fronts = annotated(name, annotator), proposed(folder) if parts else []
+            scores = np.array([[one.overlap(other) for other in fronts] for one in real]).reshape(
+                len(real), len(fronts)
+            )
+            truths[annotator] = [(i, one.kind) for i, one in zip(ids, real, strict=True)], scores, MATCH
+        kinds = [KINDS[scan.read(folder).joint(part).kind] for part in parts]
+        for annotator, (real_parts, scores, least) in truths.items():
+            pairs = dict(matches(scores, least))
+            for i, (front, kind) in enumerate(real_parts):
+                row = {"room": name, "truth": annotator, "front": front, "kind": kind, "outcome": "no proposal"}
+                if i in pairs:
+                    part = parts[pairs[i]]
+                    rate = success.get((f"{name}.usd", part))
+                    row |= {"part": part, "success": rate, "outcome": outcome(rate, verdict["left_out"].get(part, ""))}
+                    row["outcome"] = row["outcome"] if kinds[pairs[i]] == kind else "wrong kind"
+                yield row
+
+
+def outcome(rate: float | None, reason: str) -> str:
+    """Return what became of a proposal of the right kind: its rate in a bench, or why it is not in the index."""
+    if rate is not None:
+        return "opened" if rate >= OPENED else "opened less than half"
+    return next((outcome for start, outcome in REASONS.items() if reason.startswith(start)), "no plan")
+
+
+def _virtual(truth: Path, folder: Path, parts: tuple[str, ...]) -> tuple[list[tuple[str, str]], np.ndarray]:
+    """Return id and kind of each part of a virtual home that moves, and its overlaps with annotated parts [truth part]."""
+    home, facts = truth.parent.parent, json.loads(truth.read_text())
+    real = [(name, KINDS[one["joint"]["kind"]]) for name, one in facts["parts"].items() if "joint" in one]
+    scores = np.zeros((len(real), len(parts)))
+    if folder == home:
+        return real, np.array([[float(name == part) for part in parts] for name, _ in real]).reshape(scores.shape)
+    if not parts:
+        return real, scores
+    surface = files.read(folder).surface
+    source = np.arange(len(surface.faces))
+    # Back from the annotated mesh to the imported one, and to the file that was imported, whose faces are the scan's own.
+    for place in (folder, folder.with_name("scan")):
+        if (place / SOURCE_FACES).is_file():
+            sources = np.load(place / SOURCE_FACES)
+            source = np.where(source < 0, -1, sources[source])
+    true_faces = {name: faces for name, faces, _ in true_parts(home, files.read(home), facts, surface, source)}
+    annotation = articulate3d.read_parts(scan_files.find(folder).parts, files.read(folder).mesh)
+    for i, (name, _) in enumerate(real):
+        for j, part in enumerate(parts):
+            faces = faces_of(part, annotation)
+            scores[i, j] = overlap(surface, faces, true_faces[name]) if name in true_faces else 0.0
+    return real, scores
+
+
+def opened(rows: list[dict]) -> dict:
+    """Return the share of fronts that are opened, and how many there are of each outcome."""
+    counts = Counter(row["outcome"] for row in rows)
+    return {"fronts": len(rows), "opened": round(counts["opened"] / max(len(rows), 1), 3), "outcomes": dict(counts)}
+
+
+def corrected(capture: str, folder: Path, out: Path) -> dict:
+    """Correct proposals as on the page until they are an annotator's fronts, and write them; return what was done.
+
+    Actions: a proposal is selected and removed; a wrong hinge is selected, its mode chosen, its side clicked; of a missing front
+    the camera is turned, the rectangle dragged, the kind chosen, the hinge's side clicked, the handle's mode and place clicked.
+    """
+    scanned = files.read(folder)
+    surface = scanned.surface
+    earlier = existing.read(folder, scanned.mesh, surface)
+    editor = Editor(earlier.start(surface), GrowConfig())
+    real, fronts, actions = annotated(capture, "A"), proposed(folder), Counter[str]()
+    scores = np.array([[one.overlap(other) for other in fronts] for one in real]).reshape(len(real), len(fronts))
+    pairs = {j: i for i, j in matches(scores, MATCH) if real[i].kind == fronts[j].kind}
+    for j in reversed(range(len(fronts))):
+        editor.select(j)
+        truth = real[pairs[j]] if j in pairs else None
+        if truth is None:
+            editor.remove()
+            actions["removed"] += 2
+        elif truth.hinge and truth.hinge != fronts[j].hinge:
+            editor.hinge(_side(truth)[None])
+            actions["hinge"] += 3
+    unseen = 0
+    for i in sorted(set(range(len(real))) - set(pairs.values())):
+        truth = real[i]
+        faces = _seen(editor.annotation.surface, truth)
+        if not len(faces):
+            unseen += 1
+            continue
+        editor.rectangle_around(faces, lambda region, corners=truth.corners: _on(region, corners))
+        if truth.kind == "slide":
+            editor.slide()
+            actions["drawn"] += 3
+        else:
+            editor.hinge(_side(truth)[None])
+            actions["drawn"] += 4
+        if truth.handle is not None:
+            editor.handle(truth.handle)
+            actions["drawn"] += 2
+    files.write(editor.annotation, scanned, out, earlier, annotated=str(folder), auto=False, edit=True)
+    count = sum(actions.values()) + 1  # save
+    return {
+        "truth": len(real),
+        "proposals": len(fronts),
+        "right": len(pairs),
+        "drawn": len(real) - len(pairs) - unseen,
+        "not_scanned": unseen,
+        "actions": {**actions, "save": 1},
+        "seconds": PACE * count,
+    }
+
+
+def _seen(surface: SplitSurface, front: Front) -> np.ndarray:
+    """Return faces that a front's rectangle shows, the one at its middle first."""
+    places = (surface.middles - front.middle) @ np.column_stack([*front.axes, front.normal])
+    half = np.array([np.ptp((front.corners - front.middle) @ axis) / 2 for axis in front.axes])
+    inside = (np.abs(places[:, :2]) < 0.9 * half).all(axis=1) & (np.abs(places[:, 2]) < MAX_OFFSET)
+    faces = np.flatnonzero(inside & (surface.normals @ front.normal > 0.5))
+    faces = faces[np.argsort(np.linalg.norm(places[faces, :2], axis=1))]
+    return faces[:: max(1, len(faces) // AIMS)]
+
+
+def _on(region: FrontRegion, corners: np.ndarray) -> np.ndarray:
+    """Return corners on a region's plane."""
+    return corners - np.outer((corners - region.center) @ region.normal, region.normal)
+
+
+def _side(front: Front) -> np.ndarray:
+    """Return the middle of the side of a hinge: the annotated one; of one that is not known, the one farther from the handle."""
+    right, up = (np.ptp((front.corners - front.middle) @ axis) / 2 * axis for axis in front.axes)
+    hinge = front.hinge
+    if hinge is None:
+        hinge = "left" if front.handle is None or (front.handle - front.middle) @ right > 0 else "right"
+    return front.middle + {"right": right, "left": -right, "top": up, "bottom": -up}[hinge]
+
+
+def _write_opened(pairs: list[tuple[Path, ...]], out: Path | None) -> None:
+    """Print the shares of fronts that are opened in each room and in all; write them and the fronts to a file."""
+    rows, benches = [], []
+    for index, bench in pairs:
+        rows += outcomes(index, bench)
+        about = json.loads(bench.read_text())
+        benches.append({key: about[key] for key in ("policy", "episodes_a_part", "seed", "commit", "device")})
+    groups: dict[str, list[dict]] = {}
+    for row in rows:
+        for group in ("all", row["room"]):
+            groups.setdefault(f"{group}: {row['truth']}", []).append(row)
+    figures = {name: opened(some) for name, some in sorted(groups.items())}
+    print("\n".join(f"{name}: {figure}" for name, figure in figures.items()))
+    if out:
+        about = {"benches": benches, "figures": figures, "rows": rows, "provenance": provenance("cpu")}
+        out.write_text(json.dumps(about, indent=1) + "\n")
+
+
 def main() -> None:
-    """Compare the annotators, and proposals with each of them."""
+    """Compare the annotators, and proposals with each of them; or say what is opened."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("proposals", nargs="*", help="CAPTURE=FOLDER")
+    parser.add_argument("--opened", nargs="+", metavar="INDEX=BENCH", help="pool.json of s2a dataset=file of s2a bench")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--correct", nargs="+", metavar="CAPTURE=ANNOTATED=OUT", help="play a pass on the page")
     given = parser.parse_args()
+    if given.correct:
+        passes = {
+            text.split("=")[0]: corrected(text.split("=")[0], *map(Path, text.split("=")[1:])) for text in given.correct
+        }
+        print("\n".join(f"{name}: {row}" for name, row in passes.items()))
+        if given.out:
+            given.out.write_text(json.dumps({"rooms": passes, "provenance": provenance("cpu")}, indent=1) + "\n")
+        return
+    if given.opened:
+        _write_opened([tuple(map(Path, pair.split("="))) for pair in given.opened], given.out)
+        return
     rows = {}
     for path in sorted(ROOMS.glob("*.A.json")):
         capture = path.name.removesuffix(".A.json")

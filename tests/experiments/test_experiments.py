@@ -22,6 +22,7 @@ from PIL import Image
 from ratings import table as ratings
 from ratings import verdicts
 from real_captures import line_of, row_of
+from real_fronts import opened, outcome, outcomes
 from reward_ablation import COLUMNS, move_grasp, table, table_rows
 from scipy.spatial.transform import Rotation
 from side_by_side import gpu_slots, run
@@ -212,3 +213,20 @@ def test_a_capture_is_a_row_of_counts_and_one_that_failed_has_none() -> None:
     assert line_of(row) == "| flat | 3 | 2 | 1 | 2 | 1 | 2.0 | 1.0 |" and row["left_out"] == ["far"]
     failed = row_of({**room, "failed": "import: flat: no up", "verdicts": {}, "seconds": {}})
     assert line_of(failed) == "| flat | fails |  |  |  |  |  | 0.0 |" and failed["failed"] == "import: no up"
+
+
+def test_fronts_of_a_room_that_failed_count_as_not_opened(tmp_path: Path) -> None:
+    index, bench = tmp_path / "pool.json", tmp_path / "bench.json"
+    verdict = {"name": "redkitchen", "source": str(tmp_path), "failed": "import: no up axis", "left_out": {}}
+    index.write_text(json.dumps({"verdicts": [verdict]}))
+    bench.write_text(json.dumps({"parts": []}))
+    rows = list(outcomes(index, bench))
+    assert [sum(row["truth"] == annotator for row in rows) for annotator in "AB"] == [9, 11]
+    assert opened(rows) == {"fronts": 20, "opened": 0.0, "outcomes": {"no proposal": 20}}
+
+
+def test_a_front_is_opened_from_half_of_its_episodes_on() -> None:
+    assert [outcome(rate, "") for rate in (1.0, 0.5, 0.4375)] == ["opened", "opened", "opened less than half"]
+    reasons = ("check slide_axis: 13 deg", "no base pose is free: 0.5 m before", "s2a prepare leaves it out", "its arm")
+    assert [outcome(None, reason) for reason in reasons] == ["contradicted", "no base", "not prepared", "no plan"]
+    assert opened([{"outcome": "opened"}, {"outcome": "no base"}])["opened"] == 0.5

@@ -4,7 +4,10 @@
     python tools/bench_upright.py fit captures.json
 
 captures.json lists meshes and their true up direction in the file's coordinates: {"scans/room.ply": [0, 0, 1], ...}; paths are
-relative to it. No mesh with a truth is part of the repository: ScanNet's and 7-Scenes' terms forbid it, and virtual rooms come
+relative to it. A mesh that was fused from a recording may name its folder, of whose cameras the poses then speak, too:
+{"scans/room.ply": {"up": [0, -0.9, -0.4], "frames": "recordings/room"}}; --surface leaves out such poses, and labels.
+
+No mesh with a truth is part of the repository: ScanNet's and 7-Scenes' terms forbid it, and virtual rooms come
 from `s2a sample virtual=varied`, whose meshes have z up.
 """
 
@@ -19,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.scan import frame, labelled_boxes, upright
+from s2a.scan import frame, labelled_boxes, recording_formats, upright
 from s2a.scan import source as mesh_files
 from s2a.scan.source import SourceMesh, Stated
 from s2a.scan.surfels import sample
@@ -60,35 +63,55 @@ def main() -> None:
     parser.add_argument("captures", type=Path)
     parser.add_argument("--rotations", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--surface", action="store_true", help="without the poses of cameras and the labels of the capture"
+    )
     parser.add_argument("--parts", action="store_true", help="each rotation is of another part of the capture")
     options = parser.parse_args()
-    truths = json.loads(options.captures.read_text())
-    meshes = {options.captures.parent / name: np.array(up) / np.linalg.norm(up) for name, up in truths.items()}
+    place = options.captures.parent
+    meshes, hints = dict[Path, np.ndarray](), dict[Path, frame.Hint | None]()
+    for name, truth in json.loads(options.captures.read_text()).items():
+        up = truth["up"] if isinstance(truth, dict) else truth
+        meshes[place / name] = np.array(up) / np.linalg.norm(up)
+        recording = place / truth["frames"] if isinstance(truth, dict) else None
+        hints[place / name] = None if options.surface else hint_of(place / name, recording)
     if options.mode == "fit":
         fit(meshes, options.seed)
     else:
-        bench(meshes, options.rotations, options.seed, options.parts)
+        bench(meshes, hints, options.rotations, options.seed, options.parts)
 
 
-def bench(meshes: dict[Path, np.ndarray], rotations: int, seed: int, parts: bool) -> None:
+def hint_of(path: Path, recording: Path | None) -> frame.Hint | None:
+    """Return what the cameras of a recording, or the labels of a capture, speak for."""
+    if recording is not None and (up := recording_formats.read(recording).up) is not None:
+        return frame.Hint(up, "the cameras")
+    boxes = labelled_boxes.read_quest(path)[1] if labelled_boxes.recognise_quest(path) else []
+    up = labelled_boxes.upwards(boxes)
+    return None if up is None else frame.Hint(up, "the labels")
+
+
+def bench(
+    meshes: dict[Path, np.ndarray], hints: dict[Path, frame.Hint | None], rotations: int, seed: int, parts: bool
+) -> None:
     """Print the outcomes of each capture, as stored and in random rotations, whole or of its parts, that state nothing."""
     total = Count("")
     print(f"{'capture':40s} as stored  right asked warned wrong  with a key  seconds a mesh")
     for path, truth in meshes.items():
         source, start = load(path), time.perf_counter()
-        count = Count(outcome(source, truth, source.stated, frame.by_name(path)))
+        count = Count(outcome(source, truth, source.stated, frame.by_name(path), hints[path]))
         for i, turn in enumerate(turns(rotations, seed)):
-            turned = moved(source, turn)
+            turned, hint = moved(source, turn), hints[path]
+            hint = hint and frame.Hint(turn @ hint.up, hint.by)
             if parts:
                 kept = PARTS[i % len(PARTS)](source, truth, np.random.default_rng([seed, i]))
                 turned = replace(turned, faces=source.faces[kept])
                 if len(turned.faces) < FEWEST:
                     continue
-            result = outcome(turned, turn @ truth, Stated(), None)
+            result = outcome(turned, turn @ truth, Stated(), None, hint)
             setattr(count, result, getattr(count, result) + 1)
             if result == "asked":
                 count.keyed += (
-                    outcome(turned, turn @ truth, Stated(), None, (turn @ truth).round(2).tolist()) == "right"
+                    outcome(turned, turn @ truth, Stated(), None, hint, (turn @ truth).round(2).tolist()) == "right"
                 )
         seconds = (time.perf_counter() - start) / (rotations + 1)
         print(
@@ -105,11 +128,16 @@ def bench(meshes: dict[Path, np.ndarray], rotations: int, seed: int, parts: bool
 
 
 def outcome(
-    mesh: SourceMesh, truth: np.ndarray, stated: Stated, habits: Stated | None, up: str | list[float] = "auto"
+    mesh: SourceMesh,
+    truth: np.ndarray,
+    stated: Stated,
+    habits: Stated | None,
+    hint: frame.Hint | None,
+    up: str | list[float] = "auto",
 ) -> str:
     """Return "right", "asked", "warned" or "wrong" for a mesh."""
     try:
-        result = frame.find(mesh.vertices, mesh.faces, stated, up, "auto", habit=habits)
+        result = frame.find(mesh.vertices, mesh.faces, stated, up, "auto", habit=habits, hint=hint)
     except InputError:
         return "asked"
     if np.degrees(np.arccos(np.clip(np.dot(result.up, truth), -1, 1))) <= WRONG:

@@ -29,7 +29,6 @@ from s2a.learn.evaluate import (
     evaluate_soft,
     run_episodes,
     summary,
-    warn_of_errors,
 )
 from s2a.learn.rl.policy_file import PolicyFile, export
 from s2a.learn.rl.ppo import load_model, load_policy
@@ -281,7 +280,6 @@ def run(config: Config) -> str:
             rates = {name: columns[name].numpy() for name in names}
             metrics |= by_part(rates, pool.read(config.stage), sim.stage_of_env, config.seed)
         out.write_text(json.dumps(metrics, indent=1))
-    warn_of_errors(metrics, env)
     if not metrics["variation"] and isinstance(policy, Planner) and env.num_envs > len(stages):
         _log.warning(
             "worlds of a part are copies of one another, so that intervals mean nothing; give task.start_noise"

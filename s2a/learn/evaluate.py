@@ -42,7 +42,7 @@ def evaluate(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: No
 
 @torch.inference_mode()
 def run_episodes(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: None) -> dict[str, torch.Tensor]:
-    """Return how the first episode of every world went, by column [world]; see `evaluate`."""
+    """Return how the first episode of every world went, by column [world]; see `evaluate`. Warns of failed physics."""
     env.reset_all()
     watch()
     result = torch.full((env.num_envs, len(env.columns)), torch.nan, device=env.result.device)
@@ -55,7 +55,9 @@ def run_episodes(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda
         pending &= ~finished
         if not pending.any():
             break
-    return dict(zip(env.columns, result.cpu().unbind(dim=1), strict=True))
+    columns = dict(zip(env.columns, result.cpu().unbind(dim=1), strict=True))
+    warn_of_errors({"episodes": env.num_envs, **{name: float(columns[name].sum()) for name in ERRORS}}, env)
+    return columns
 
 
 def summary(env: VecEnv, column: Mapping[str, torch.Tensor]) -> dict[str, Any]:

@@ -33,8 +33,8 @@ _SAME = 12.0  # deg; a stated axis and a direction of the surface this near are 
 _ALIGNED = 1.0  # deg; a direction this near to an axis of the file is that axis: programs that know gravity write it so
 _TILT = 2.0  # deg; a floor that tilts more is worth a warning
 _RATHER = 3.0  # factor by which the surface alone prefers another direction than the stated, for a warning
-_SURE_BY_CAMERAS = 0.9  # confidence that is enough where the poses of cameras speak, too
-_STATED, _CAMERAS, _HABIT, _AXIS = 5.0, 6.0, 3.0, 0.7  # what each adds to the logarithm of the odds
+_SURE_BY_HINT = 0.9  # confidence that is enough where the poses of cameras or labels speak, too
+_STATED, _HINT, _HABIT, _AXIS = 5.0, 6.0, 3.0, 0.7  # what each adds to the logarithm of the odds
 
 _PROGRAMS = (
     (r"scene\d{4}_\d{2}_vh_clean(_2)?(\.labels)?\.ply", "z", "ScanNet"),
@@ -44,6 +44,19 @@ _PROGRAMS = (
     (r"\w*SpatialMapping\w*\.obj", "y", "HoloLens"),
     (r"textured_output\.obj", "y", "3d Scanner App"),
 )
+
+
+@dataclass(frozen=True, eq=False)
+class Hint:
+    """An up direction for which more than the surface speaks.
+
+    Attributes:
+        up: unit, in the file's coordinates, shape [3].
+        by: what speaks for it: "the cameras", "the labels".
+    """
+
+    up: np.ndarray
+    by: str
 
 
 @dataclass(frozen=True)
@@ -110,7 +123,7 @@ def find(
     unit: str,
     level: bool = False,
     habit: Stated | None = None,
-    cameras: np.ndarray | None = None,
+    hint: Hint | None = None,
 ) -> FileFrame:
     """Return the frame: as given, else as the file states it, else as its name or the room tells.
 
@@ -122,7 +135,7 @@ def find(
         unit: a key of UNITS, or "auto".
         level: Correct the direction to the floor's, up to `upright.CORRECTED` degrees.
         habit: the frame that files of such a name have; None for any other name.
-        cameras: up direction that the poses of cameras speak for, unit, shape [3]; None without cameras.
+        hint: what the poses of cameras or the labels of the capture speak for; None without.
 
     Raises:
         InputError: neither file nor room tells, or the room contradicts the file.
@@ -131,7 +144,7 @@ def find(
     statement = stated if stated.up or not habit else Stated(habit.up, stated.unit or habit.unit, habit.by)
     if isinstance(up, str) and up == "auto":
         metres, named = UNITS.get(unit, statement.unit), stated.up is None
-        direction, why, confidence, doubts = _detect(mesh, statement, metres, named, cameras)
+        direction, why, confidence, doubts = _detect(mesh, statement, metres, named, hint)
     else:
         direction, why, confidence, doubts = _given(up), "as given", None, ()
     direction, why, tilted = _leveled(mesh, direction, why, level)
@@ -173,7 +186,7 @@ def _given(up: str | Sequence[float]) -> np.ndarray:
 
 
 def _detect(
-    mesh: Sampled, stated: Stated, metres: float | None, named: bool, cameras: np.ndarray | None
+    mesh: Sampled, stated: Stated, metres: float | None, named: bool, hint: Hint | None
 ) -> tuple[np.ndarray, str, float, tuple[str, ...]]:
     """Return the up direction, why, its probability, and doubts about it.
 
@@ -182,7 +195,7 @@ def _detect(
     """
     candidates = upright.candidates(mesh, metres)
     if stated.up is None:
-        return _undeclared(mesh, candidates, cameras)
+        return _undeclared(mesh, candidates, hint)
     axis = np.array(UP[stated.up])
     odds = _odds(candidates, axis, _HABIT if named else _STATED)
     if not candidates:
@@ -205,9 +218,9 @@ def _detect(
 
 
 def _undeclared(
-    mesh: Sampled, candidates: list[Candidate], cameras: np.ndarray | None
+    mesh: Sampled, candidates: list[Candidate], hint: Hint | None
 ) -> tuple[np.ndarray, str, float, tuple[str, ...]]:
-    """Return the up direction that the surface alone tells, why, its probability, and doubts about it.
+    """Return the up direction that the surface and a hint tell, why, its probability, and doubts about it.
 
     Raises:
         InputError: it is not clear.
@@ -215,11 +228,11 @@ def _undeclared(
     give = "give up=y or up=z (or x, -x, -y, -z) or a vector, as up=[0,-0.8,-0.6]"
     if not candidates:
         raise InputError(f"the up axis cannot be told from the surface, which is flat nowhere; {give}")
-    odds = _odds(candidates, cameras, _CAMERAS)
+    odds = _odds(candidates, hint.up if hint else None, _HINT)
     best = int(np.argmax(odds))
-    # Cameras, too, tell a strip along a wall from a low room, and a table top from a floor.
-    reasons = upright.reasons(candidates[best]) if cameras is None else []
-    needed = upright.required(candidates, candidates[best]) if cameras is None else _SURE_BY_CAMERAS
+    # A hint, too, tells a strip along a wall from a low room, and a table top from a floor.
+    reasons = [] if hint else upright.reasons(candidates[best])
+    needed = _SURE_BY_HINT if hint else upright.required(candidates, candidates[best])
     if odds[best] < needed or reasons:
         why = f" ({'; '.join(reasons)})" if reasons else f" (less sure than {needed:.2f})"
         raise InputError(f"the up axis cannot be told from the room{why}: {_list(candidates, odds)}; {give}")
@@ -228,8 +241,11 @@ def _undeclared(
     axis = _axis(direction)
     if _angle(direction, np.array(UP[axis])) < _ALIGNED:
         direction = np.array(UP[axis])
-    if cameras is not None:
-        return direction, "by the surface and the cameras", float(odds[best]), ()
+    if hint:
+        alone = _odds(candidates, None, 0.0)
+        doubt = f"the surface alone speaks rather for {_list(candidates, alone)}; look at image=FILE.png, or give up="
+        doubts = (doubt,) if alone.max() > _RATHER * alone[best] else ()
+        return direction, f"by the surface and {hint.by}", float(odds[best]), doubts
     doubt = "a side of the room was not scanned, so that up is not certain; look at image=FILE.png, or give up="
     return direction, "by the surface", float(odds[best]), (doubt,) if odds[best] < upright.certain(candidates) else ()
 

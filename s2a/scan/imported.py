@@ -101,9 +101,12 @@ def place(
     Raises:
         InputError: neither the file nor the room tells up axis or unit.
     """
+    labelled = labelled_boxes.upwards(boxes)
+    hint = frame.Hint(labelled, "the labels") if labelled is not None else None
+    hint = frame.Hint(cameras, "the cameras") if cameras is not None else hint
     try:
         file_frame = frame.find(
-            source.vertices, source.faces, source.stated, up, unit, level, frame.by_name(path), cameras
+            source.vertices, source.faces, source.stated, up, unit, level, frame.by_name(path), hint
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from error

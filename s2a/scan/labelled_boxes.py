@@ -69,6 +69,21 @@ def without_doubles(boxes: Sequence[LabelledBox]) -> list[LabelledBox]:
     ]
 
 
+def upwards(boxes: Sequence[LabelledBox]) -> np.ndarray | None:
+    """Return the up direction, unit, shape [3]: square to the largest labelled floor, to the side where all else is.
+
+    None without a labelled floor, or where the other boxes' middles are not on one side of it.
+    """
+    floors = [box for box in boxes if box.label == "floor"]
+    if not floors:
+        return None
+    floor = max(floors, key=lambda box: float(np.sort(box.size)[1:].prod()))
+    normal: np.ndarray = floor.axes[int(np.argmin(floor.size))]
+    heights = np.array([(box.center - floor.center) @ normal for box in boxes if box.label != "floor"])
+    above, below = (int((side > FLAT_MARGIN).sum()) for side in (heights, -heights))
+    return None if min(above, below) * 4 >= max(above, below) else normal * (1.0 if above > below else -1.0)
+
+
 def owners(points: np.ndarray, boxes: Sequence[LabelledBox]) -> np.ndarray:
     """Return the box that each point [m], shape [point 3], belongs to, or -1, shape [point].
 

@@ -26,15 +26,10 @@ from s2a.scene.usd.stage import ROOT, read_mesh, world_points
 
 _log = logging.getLogger(__name__)
 
-MAX_STATIC = 256
-"""Colliders of the room in a world besides its ground, at most: each costs time even where nothing touches it (7 % of a step for
-60). Real kitchens need up to some 130, virtual homes rarely more than 64."""
 LEVEL = 0.05
 """Rise of a floor over its width, at most."""
 RAISED = 0.02
 """[m] Above a resting point, from where what carries it is looked for: hulls of scans overlap by millimetres."""
-AROUND = 0.1
-"""[m] Around a planned path: what the arm may touch as it follows it."""
 BESIDE = 0.05
 """[m] What is so near to the path of what moves is needed though the arm does not reach it."""
 
@@ -51,14 +46,12 @@ class Workspace:
         points: of the paths of all that moves, and of the space between the robot's shoulder and them [m], shape [point 3].
         shoulder: of the robot [m], shape [3].
         reach: of its arm [m].
-        planned: The points are of all that the arm, too, passes on a plan: what is around them matters most.
         resting: points of what is free to fall, where it stands [m], shape [point 3].
     """
 
     points: np.ndarray
     shoulder: np.ndarray
     reach: float
-    planned: bool = False
     resting: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @cached_property
@@ -70,7 +63,7 @@ class Workspace:
     def may_need(self, planes: np.ndarray) -> bool:
         """Return False only where no point is as near to a hull, of planes [plane 4], as what a world may need."""
         center, radius = self._ball
-        return _distance(center[None], planes) - radius <= max(AROUND, BESIDE)
+        return _distance(center[None], planes) - radius <= BESIDE
 
     def planned_along(self, points: np.ndarray, resting: np.ndarray) -> Workspace:
         """Return it with the points [point 3] that a plan passes, and those of what it puts somewhere [point 3]."""
@@ -78,77 +71,33 @@ class Workspace:
             self,
             points=np.concatenate([self.points, points]),
             resting=np.concatenate([self.resting, resting]),
-            planned=True,
         )
 
 
-@dataclass(frozen=True)
-class Missing:
-    """Colliders that a world lacks though the arm can touch them.
-
-    Attributes:
-        room: the file.
-        parts: ids of what they stand for, the nearest first.
-        count: how many.
-        distance: of the nearest from the path [m].
-    """
-
-    room: str
-    parts: tuple[str, ...]
-    count: int
-    distance: float
-
-
-def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, room: str) -> Missing | None:
-    """Deactivate, in the stage's edit target, all colliders but the ground and the `MAX_STATIC` others that matter most.
+def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, room: str) -> None:
+    """Deactivate, in the stage's edit target, all colliders but the ground, those in the arm's reach and those beside a path.
 
     The ground is what carries anything that is free to fall, and every level structure below the robot's shoulder: without
-    it what falls would fall forever. Of the others, what a plan passes comes first, then walls and ceiling, then what is
-    nearest to the workspace. What is out of the arm's reach and off the path of all that moves is not needed.
+    it what falls would fall forever. However many are needed are loaded; 60 cost 7 % of a step where nothing touches them.
 
     Args:
         stage: the world's stage.
         colliders: those of the static room and of frozen bodies.
         space: where something can be touched.
         room: the file, for messages.
-
-    Returns:
-        What is left out though the arm could touch it, or a plan passes it; None where there is none such.
     """
     planes = [_planes(prim) for prim in colliders]
-    reached = np.array([_distance(space.shoulder[None], p) for p in planes]) <= space.reach
-    distance = np.array(
-        [_distance(space.points, p) if r or space.may_need(p) else np.inf for p, r in zip(planes, reached, strict=True)]
-    )
-    structure = np.array([bool(prim.GetAttribute("s2a:structure").Get()) for prim in colliders], bool)
     ground = _carrying(space.resting, planes)
-    for k in np.flatnonzero(structure).tolist():
-        ground[k] |= _is_floor(world_points(colliders[k]), space)
-    needed = (reached | (distance <= BESIDE)) & ~ground
-    first = (distance <= AROUND) & space.planned
-    order = np.lexsort((distance, ~structure, ~first, ~needed))
-    loaded = ground.copy()
-    loaded[order[: min(int(needed.sum()), MAX_STATIC)]] = True
-    for k in np.flatnonzero(~loaded).tolist():
-        colliders[k].SetActive(False)
-    _log.info("%s: %d of %d static colliders are loaded", room, loaded.sum(), len(colliders))
-    missed = [k for k in order if not loaded[k] and reached[k] and (first[k] or not space.planned)]
-    if not missed:
-        return None
-    names = dict.fromkeys(str(colliders[k].GetAttribute("s2a:part").Get()) for k in missed)
-    return Missing(room, tuple(names), len(missed), float(distance[missed].min()))
-
-
-def warn(missing: Sequence[Missing | None]) -> None:
-    """Write one warning of what the worlds of some stages lack, of that which lacks most."""
-    lacking = [each for each in missing if each is not None]
-    if lacking:
-        most = max(lacking, key=lambda each: each.count)
-        others = f" ({len(lacking)} of {len(missing)} stages lack some, this one most)" if len(missing) > 1 else ""
-        _log.warning(
-            "%s: %d colliders within the arm's reach are not loaded, because a world holds %d%s; nearest to the path, %.2f m "
-            "from it: %s", most.room, most.count, MAX_STATIC, others, most.distance, ", ".join(most.parts[:8]),
-        )  # fmt: skip
+    loaded = 0
+    for prim, hull, carries in zip(colliders, planes, ground.tolist(), strict=True):
+        reached = _distance(space.shoulder[None], hull) <= space.reach
+        beside = space.may_need(hull) and _distance(space.points, hull) <= BESIDE
+        structure = bool(prim.GetAttribute("s2a:structure").Get())
+        if reached or beside or carries or (structure and _is_floor(world_points(prim), space)):
+            loaded += 1
+        else:
+            prim.SetActive(False)
+    _log.info("%s: %d of %d static colliders are loaded", room, loaded, len(colliders))
 
 
 def static_colliders(stage: Usd.Stage, roots: Sequence[str]) -> list[Usd.Prim]:
@@ -301,8 +250,8 @@ def add_room(
     static: bool = True,
     both_kinds: Sequence[str] = (),
     **options: Any,
-) -> Missing | None:
-    """Add a room to a builder; return what of it is left out though the arm can touch it.
+) -> None:
+    """Add a room to a builder.
 
     Args:
         builder: gets it.
@@ -324,13 +273,11 @@ def add_room(
             if prim := stage.GetPrimAtPath(path):
                 prim.SetActive(False)
     _clear_paths(stage, room, active, bodies)
-    missing = None
     if space is not None:
         welded = [f"{ROOT}/{carrier}/{WELDED}{i}" for carrier in bodies for i in room.bodies]
         colliders = static_colliders(stage, [*still, *welded])
-        missing = drop_far(stage, colliders, space, stage.GetRootLayer().realPath)
+        drop_far(stage, colliders, space, stage.GetRootLayer().realPath)
     builder.add_usd(stage, load_visual_shapes=False, **options)
-    return missing
 
 
 def workspace(room: SimRoom, active: Sequence[str], base: np.ndarray, robot_name: str) -> Workspace:

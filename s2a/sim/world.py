@@ -20,16 +20,7 @@ from s2a.scene.articulation import lever_arm, travel
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
-from s2a.sim.room import (
-    Missing,
-    Workspace,
-    add_pedestal,
-    add_room,
-    kept_bodies,
-    pedestal,
-    warn,
-    workspace,
-)
+from s2a.sim.room import Workspace, add_pedestal, add_room, kept_bodies, pedestal, workspace
 
 SURFACE = 3e4
 """[N/m] Stiffness of what lies free at a point of contact. Ten times as much made a bottle of 170 g tremble between the pads,
@@ -231,7 +222,6 @@ def build_world(
     realistic: bool = False,
     coupled_fingers: bool = False,
     both_kinds: bool = False,
-    missing: list[Missing | None] | None = None,
 ) -> newton.ModelBuilder:
     """Return a builder of one world.
 
@@ -246,7 +236,6 @@ def build_world(
         realistic: simulate the robot's drives too; see add_robot.
         coupled_fingers: couple the fingers also where drives are not simulated.
         both_kinds: give the target a slide and a hinge, one of them locked: all worlds of a batch need the same joints.
-        missing: gets what of the room is left out though the arm can touch it; None: a warning says so.
     """
     builder = empty_world()
     if robot is not None:
@@ -260,11 +249,7 @@ def build_world(
             realistic=realistic,
             coupled_fingers=coupled_fingers,
         )
-    lacking = _add_room(builder, stage, static=static_colliders, both_kinds=both_kinds)
-    if missing is None:
-        warn([lacking])
-    else:
-        missing.append(lacking)
+    _add_room(builder, stage, static=static_colliders, both_kinds=both_kinds)
     for part in stage.active:
         if part in stage.room.free:
             harden(builder, body_index(builder, part), dt)
@@ -294,16 +279,15 @@ def empty_world() -> newton.ModelBuilder:
     return builder
 
 
-def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool, both_kinds: bool) -> Missing | None:
-    """Add what is active of a room, what it hangs on, and the colliders near it; return what is left out though in reach."""
+def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool, both_kinds: bool) -> None:
+    """Add what is active of a room, what it hangs on, and the colliders near it."""
     space = stage.workspace()
     doubled = [stage.target] if both_kinds else []
     opened = sim_stage.open_physics(stage.path)
-    missing = add_room(builder, stage.room, opened, stage.active, space=space, static=static, both_kinds=doubled)
+    add_room(builder, stage.room, opened, stage.active, space=space, static=static, both_kinds=doubled)
     stand = pedestal(stage.base, *stage.pedestal)
     if static and stand is not None:
         add_pedestal(builder, stand)
-    return missing
 
 
 def body_index(builder: newton.ModelBuilder, name: str) -> int:

@@ -86,3 +86,19 @@ def test_damage_is_one_line(tmp_path: Path, text: str, word: str) -> None:
     with pytest.raises(InputError, match=word) as error:
         labelled_boxes.read_boxes(tmp_path / "room.json")
     assert "\n" not in str(error.value)
+
+
+def box(label: str, height: float, size: tuple[float, float, float], turn: np.ndarray) -> labelled_boxes.LabelledBox:
+    return labelled_boxes.LabelledBox(label, turn @ np.array([0.5, 0.2, height]), turn.T, np.array(size))
+
+
+def test_a_labelled_floor_says_where_up_is_in_any_frame() -> None:
+    for number in range(4):
+        turn = trimesh.transformations.random_rotation_matrix(np.random.default_rng(number).random(3))[:3, :3]
+        floor, table = box("floor", 0.1, (4.0, 3.0, 0.0), turn), box("table", 0.5, (1.0, 1.0, 0.8), turn)
+        ceiling, rug = box("ceiling", 2.5, (4.0, 3.0, 0.0), turn), box("floor", 2.0, (1.0, 1.0, 0.0), turn)
+        up = labelled_boxes.upwards([ceiling, rug, table, floor])
+        assert up is not None and up == pytest.approx(turn[:, 2])
+        below = box("couch", -0.9, (1.0, 1.0, 0.8), turn)
+        assert labelled_boxes.upwards([floor, table, below]) is None
+    assert labelled_boxes.upwards([]) is None

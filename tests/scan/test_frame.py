@@ -148,6 +148,30 @@ def test_half_a_room_is_told_without_a_doubt_only_by_more_confidence_than_the_wh
     assert whole < 0.8 < 0.99 < part
 
 
+def test_a_hint_decides_what_the_surface_leaves_open() -> None:
+    mesh, asked = without_floor(), 0
+    for turn in furnished_room.rotations(3, 3):
+        try:
+            find(mesh, turn, Stated())
+        except InputError:
+            asked += 1
+        result = find(mesh, turn, Stated(), hint=frame.Hint(turn[:, 2], "the labels"))
+        assert off(result.up, turn[:, 2]) < 5.0 and result.why_up.endswith("the labels")
+    assert asked
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_hint_of_another_frame_is_not_followed_in_silence(axis: int, sign: float) -> None:
+    wrong = frame.Hint(sign * np.eye(3)[axis], "the labels")
+    for mesh in (furnished_room.room(), furnished_room.room(ceiling=False)):
+        try:
+            result = find(mesh, np.eye(3), Stated(), hint=wrong)
+        except InputError:
+            continue
+        assert off(result.up, np.eye(3)[2]) < 5.0 or "speaks rather for" in result.doubts[0]
+
+
 @pytest.mark.parametrize(
     ("height", "unit"), [(2.5, 1.0), (1.37, 1.0), (0.9, 1.0), (250.0, 0.01), (2500.0, 0.001), (98.0, 0.0254)]
 )

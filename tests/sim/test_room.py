@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import newton
@@ -20,22 +20,11 @@ from s2a.scene.geometry.convex import deepest
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import Base, Collider
-from s2a.sim import room as sim_room
-from s2a.sim.room import Workspace
-from s2a.sim.simulation import SimConfig, Simulation, build_worlds
-from s2a.sim.world import JointConfig, SimStage, build_world, read_stage
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.world import JointConfig, build_world, read_stage
 
 FREE = JointConfig(0.0, 0.0, "grasp")
 PARTS = ("drawer_7", "drawer_8", "door_5", "door_6", INNER, LONE)
-
-
-MAX_STATIC = 64
-"""Colliders that a world holds here, so that few make it crowded."""
-
-
-@pytest.fixture(autouse=True)
-def _small_worlds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sim_room, "MAX_STATIC", MAX_STATIC)
 
 
 @pytest.fixture(scope="module")
@@ -149,104 +138,46 @@ def static(builder: newton.ModelBuilder) -> list[str]:
     return [label for label, body in zip(builder.shape_label, builder.shape_body, strict=True) if body == -1]
 
 
-def test_only_so_many_colliders_are_loaded_and_the_rest_is_named(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    path = crowded(tmp_path, 80, 0.008)
-    room = sim_stage.read(path)
-    floor, *others = room.static_colliders
-    sim_stage.write(replace(room, static_colliders=(*others, replace(floor, structure=True))), path)
-    with caplog.at_level(logging.WARNING):
-        names = static(world(path, "drawer_2"))
-    assert len(names) == MAX_STATIC + 1
-    assert "/scene/static/colliders/room_3_81" in names  # the floor, which no clutter crowds out
-    assert "16 colliders within the arm's reach are not loaded" in caplog.text and "room_3" in caplog.text
+def test_all_colliders_near_a_path_are_loaded_however_many(tmp_path: Path) -> None:
+    """500 boxes between robot and drawer, up to 1 m above the floor, and the floor; the wall is out of reach."""
+    names = static(world(crowded(tmp_path, 500, 0.0016), "drawer_2"))
+    assert [int(name[-3:].lstrip("_")) for name in names] == [0, *range(2, 502)]
 
 
-def test_the_nearest_to_the_path_are_loaded(tmp_path: Path) -> None:
-    names = static(world(crowded(tmp_path, 80, 0.015), "drawer_2"))
-    numbers = [int(name[-2:]) - 2 for name in names]
-    heights = sorted(0.2 + 0.015 * k for k in numbers if k >= 0)
-    assert heights[0] == pytest.approx(0.2) or heights[-1] == pytest.approx(0.2 + 0.015 * 79)
-    assert min(abs(height - HANDLE[2]) for height in heights) < 0.01
-    assert np.diff(heights).max() == pytest.approx(0.015)  # what is left out is farthest, not here and there
+def test_a_world_has_room_for_the_contacts_of_all_that_it_loads(tmp_path: Path) -> None:
+    (tmp_path / "few").mkdir()
+    many, few = crowded(tmp_path, 400, 0.002), crowded(tmp_path / "few", 20, 0.04)
+    settings = load(SimConfig, "sim/paper")
+    sizes = [
+        Simulation(stages, settings, 2).solver.mjw_data.naconmax // 2
+        for stages in ([read_stage(path, "drawer_2") for path in paths] for paths in ([few], [many], [few, many]))
+    ]
+    # Floor and boxes, 401 of them, of which 64 have room already; a batch has the room of its most crowded world.
+    assert sizes == [settings.nconmax, settings.nconmax + (401 - 64) // 2, settings.nconmax + (401 - 64) // 2]
 
 
-class PlannedStage(SimStage):
-    """A part of a room in which a plan passes the lowest of the boxes."""
-
-    def workspace(self) -> Workspace:
-        found = super().workspace()
-        return replace(found, points=np.array([[HANDLE[0] + 0.3, 0.3, 0.2]]), planned=True)
-
-
-def test_what_is_nearest_to_a_plan_comes_before_walls_and_handles_but_for_the_floor(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    path = crowded(tmp_path, 80, 0.015)
-    room = sim_stage.read(path)
-    sim_stage.write(replace(room, static_colliders=tuple(replace(c, structure=c.mesh.vertices[:, 2].max() < 0.1)
-                                                         for c in room.static_colliders)), path)  # fmt: skip
-    stage = PlannedStage(**{f.name: getattr(read_stage(path, "drawer_2"), f.name) for f in fields(SimStage)})
-    with caplog.at_level(logging.WARNING):
-        names = static(build_world(stage, FREE, 1 / 240))
-    # Box k is 0.015 k above the plan. The floor, on which things may fall, is left out for none, and takes no other's place.
-    assert any(name.endswith("room_3_00") for name in names)
-    boxes = sorted(k for name in names if (k := int(name[-2:]) - 2) >= 0)
-    assert len(names) == MAX_STATIC + 1
-    assert boxes == list(range(len(boxes)))
-    assert "not loaded" not in caplog.text  # what is left out is 0.9 m off the plan
-
-
-@pytest.mark.parametrize("crowd", ["on the plan", "walls"])
 @pytest.mark.parametrize("height", [0.0, 0.6])
-def test_nothing_takes_the_floor_from_below_a_robot(crowd: str, height: float, tmp_path: Path) -> None:
-    """Neither 80 hulls on the plan, nor as many walls, nor a pedestal from which no arm reaches it."""
-    path = crowded(tmp_path, 80, 0.001)
+def test_the_floor_is_loaded_though_no_arm_reaches_it_and_a_ceiling_is_not(height: float, tmp_path: Path) -> None:
+    path = write_cabinet(tmp_path / "sim.usda")
     room = sim_stage.read(path)
-    floor, wall, *boxes = room.static_colliders
-    boxes = [replace(each, structure=crowd == "walls") for each in boxes]
+    floor, wall = room.static_colliders
+    ceiling = Collider("room_3", box((0.5, 0.0, 2.4), (2.0, 2.0, 0.01)), structure=True)
     part = room.articulations["drawer_2"]
     part = replace(part, bases={"panda": replace(part.bases["panda"], position=(0.9, 0.0, height))})
-    colliders = (replace(floor, structure=True), replace(wall, structure=True), *boxes)
+    colliders = (replace(floor, structure=True), replace(wall, structure=True), ceiling)
     sim_stage.write(replace(room, static_colliders=colliders, articulations={"drawer_2": part}), path)
-    found = read_stage(path, "drawer_2")
-    stages = [found, PlannedStage(**{f.name: getattr(found, f.name) for f in fields(SimStage)})]
-    for stage in stages:
-        names = static(build_world(stage, FREE, 1 / 240))
-        assert "/scene/static/colliders/room_3_00" in names
-        assert len(names) == MAX_STATIC + 1
-
-
-def test_a_ceiling_is_no_floor(tmp_path: Path) -> None:
-    path = crowded(tmp_path, 80, 0.008)
-    room = sim_stage.read(path)
-    ceiling = Collider("room_3", box((0.5, 0.0, 2.4), (2.0, 2.0, 0.01)), structure=True)
-    sim_stage.write(replace(room, static_colliders=(*room.static_colliders, ceiling)), path)
     names = static(world(path, "drawer_2"))
-    assert len(names) == MAX_STATIC
-    assert "/scene/static/colliders/room_3_82" not in names
+    assert "/scene/static/colliders/room_3_00" in names and "/scene/static/colliders/room_3_02" not in names
 
 
-def test_what_carries_a_free_object_is_loaded_whatever_is_nearer(tmp_path: Path) -> None:
-    """A shelf 0.3 m below a cube in the air, past the 80 boxes around the cube: it falls onto it."""
-    at = (0.6, 0.9, 0.9)
-    around = [box((0.6 + 0.06 * np.cos(a), 0.9 + 0.06 * np.sin(a), 0.9), 3 * (0.002,)) for a in np.arange(80) * 0.0785]
-    shelf = box((0.6, 0.9, 0.6), (0.2, 0.2, 0.01))
-    path = write_cabinet(tmp_path / "sim.usda", beside=[*around, shelf], free=[free_cube("cube_9", at, 0.05)])
-    names = static(world(path, "drawer_2", "cube_9"))
-    assert "/scene/static/colliders/room_3_82" in names
-    assert len(names) == MAX_STATIC + 1
-
-
-def test_what_many_stages_lack_is_said_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    (tmp_path / "few").mkdir()
-    paths = [crowded(tmp_path, 80, 0.008), crowded(tmp_path / "few", 70, 0.008)]
-    stages = [read_stage(path, "drawer_2") for path in (*paths, write_cabinet(tmp_path / "none.usda"))]
-    with caplog.at_level(logging.WARNING, logger="s2a.sim.room"):
-        build_worlds(stages, load(SimConfig, "sim/paper"), with_robot=False)
-    (said,) = [record.getMessage() for record in caplog.records if record.name == "s2a.sim.room"]
-    assert "17 colliders" in said and "2 of 3 stages" in said and str(paths[0]) in said
+def test_what_carries_a_free_object_is_loaded_though_out_of_reach(tmp_path: Path) -> None:
+    """A shelf 0.6 m below a cube in the air, 2.4 m from the robot's base: it falls onto it."""
+    shelf, beside = box((0.6, 2.4, 0.3), (0.2, 0.2, 0.01)), box((0.6, 3.0, 0.3), (0.2, 0.2, 0.01))
+    path = write_cabinet(
+        tmp_path / "sim.usda", beside=[shelf, beside], free=[free_cube("cube_9", (0.6, 2.4, 0.9), 0.05)]
+    )
+    names = [name[-2:] for name in static(world(path, "drawer_2", "cube_9"))]
+    assert "02" in names and "03" not in names
 
 
 def test_what_no_arm_reaches_and_nothing_meets_is_not_loaded_in_silence(

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from s2a.core.errors import InputError
 from s2a.scan.recording import KEYFRAME_LIST, KEYFRAMES, Intrinsics
+from s2a.scan.recording_files import image_file, image_size
 from s2a.scene.geometry.mesh_ops import centroids, normals
 from s2a.scene.geometry.mesh_query import RayMesh, first_hits, ray_mesh
 from s2a.scene.geometry.planes import fit_plane, plane_axes
@@ -251,7 +251,7 @@ def _score(
     distance = np.linalg.norm(towards, axis=-1)
     cosine = (towards @ rectangle.axes[:, 2]) / np.maximum(distance, 1e-9)
     columns, rows, ahead = _pixels(frame, cells)
-    width, height = _size(frame.image)
+    width, height = image_size(frame.image)
     inside = (columns >= _BORDER) & (rows >= _BORDER) & (columns < width - _BORDER) & (rows < height - _BORDER)
     shown = inside & (ahead > 0.1) & (cosine > _STEEP)
     if tree is not None and shown.any():
@@ -273,21 +273,10 @@ def _pixels(frame: Keyframe, points: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return camera.fx * x[..., 0] / ahead + camera.cx, camera.fy * x[..., 1] / ahead + camera.cy, x[..., 2]
 
 
-def _size(path: Path) -> tuple[int, int]:
-    try:
-        with Image.open(path) as opened:
-            return opened.size
-    except (OSError, SyntaxError, ValueError) as error:
-        raise InputError(f"{path}: damaged or no image ({' '.join(str(error).split())[:80]})") from error
-
-
 def _colors(frame: Keyframe, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the colours of points [point 3] in a photo, shape [point 3], and whether they are in it, shape [point]."""
-    try:
-        with Image.open(frame.image) as opened:
-            photo = np.asarray(opened.convert("RGB")).astype(np.float32)
-    except (OSError, SyntaxError, ValueError) as error:
-        raise InputError(f"{frame.image}: damaged or no image ({' '.join(str(error).split())[:80]})") from error
+    with image_file(frame.image, frame.image) as image:
+        photo = np.asarray(image.convert("RGB")).astype(np.float32)
     columns, rows, ahead = _pixels(frame, points)
     inside = (
         (columns >= 0) & (rows >= 0) & (columns <= photo.shape[1] - 1) & (rows <= photo.shape[0] - 1) & (ahead > 0.1)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,18 @@ def read_image(path: Path) -> np.ndarray:
 
 def opened_image(source: Path | io.BytesIO, name: str) -> np.ndarray:
     """Return an image as an array; InputError, which names it, where it is damaged."""
+    with image_file(source, name) as image:
+        return np.asarray(image)
+
+
+@contextmanager
+def image_file(source: Path | io.BytesIO, name: object) -> Iterator[Any]:
+    """Open an image of PIL; InputError, which names it, where it is damaged."""
     from PIL import Image  # of the extra sim
 
     try:
-        with Image.open(source) as opened:
-            return np.asarray(opened)
+        with Image.open(source) as image:
+            yield image
     except (OSError, SyntaxError, ValueError) as error:
         raise InputError(f"{name}: damaged or no image ({' '.join(str(error).split())[:80]})") from error
 
@@ -47,13 +55,8 @@ def image_size(path: Path) -> tuple[float, float]:
     if path.suffix == ".npy":
         height, width = read_array(path).shape[:2]
         return float(width), float(height)
-    from PIL import Image  # of the extra sim
-
-    try:
-        with Image.open(path) as opened:
-            return float(opened.size[0]), float(opened.size[1])
-    except (OSError, SyntaxError, ValueError) as error:
-        raise InputError(f"{path}: damaged or no image ({' '.join(str(error).split())[:80]})") from error
+    with image_file(path, path) as image:
+        return float(image.size[0]), float(image.size[1])
 
 
 def require_images(depths: list[Path], path: Path) -> None:

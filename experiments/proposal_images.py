@@ -183,9 +183,9 @@ def bent(surface: SplitSurface, random: np.random.Generator) -> SplitSurface:
 def intact(surface: SplitSurface, random: np.random.Generator) -> np.ndarray:
     """Return which faces random holes leave, shape [face]."""
     left = np.ones(len(surface.faces), bool)
-    for place in surface.middles[random.integers(0, len(left), random.integers(0, HOLES + 1))]:
+    for place in surface.centroids[random.integers(0, len(left), random.integers(0, HOLES + 1))]:
         stretch = random.uniform(0.5, 2.0, 3)
-        left &= np.linalg.norm((surface.middles - place) * stretch, axis=1) > random.uniform(*HOLE)
+        left &= np.linalg.norm((surface.centroids - place) * stretch, axis=1) > random.uniform(*HOLE)
     return left
 
 

@@ -39,11 +39,11 @@ from s2a.scene.usd import sim_stage
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.recorder import LimitUse, Recorder
-from s2a.sim.simulation import Simulation, device_of
+from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.soft_body import SoftConfig, soft_body
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env, pool
-from s2a.tasks.base import Task
+from s2a.tasks.base import MdpConfig, Task
 from s2a.tasks.env import VecEnv
 from s2a.tasks.soft import COLUMNS, NAME, SOFT_TASK, VALUES, SoftMetrics, SoftTask, trials
 from s2a.view import states
@@ -187,14 +187,15 @@ def _about(config: Config, env: VecEnv) -> dict[str, Any]:
     }
 
 
-def _variation(env: VecEnv) -> list[str]:
+def variation(task: MdpConfig, sim: SimConfig) -> list[str]:
     """Return in what worlds of one part differ; where in nothing, they are copies and their interval is of one episode."""
-    config = env.task.config
+    moved = [getattr(task, key, 0.0) for key in ("start_shift", "start_turn")]  # of tasks that move an object
+    errors = [getattr(task, key, (0.0, 0.0)) for key in ("grasp_error", "grasp_turn")]  # of tasks with a handle
     drawn = {
-        "start": config.start_noise > 0.0,
-        "action delay": config.action_delay[0] < config.action_delay[1],
-        "observed grasp": max(config.grasp_error[1], config.grasp_turn[1]) > 0.0,
-        **dict.fromkeys(("friction", "damping", "mass", "gains"), env.sim.config.vary is not None),
+        "start": task.start_noise > 0.0 or any(moved),
+        "action delay": task.action_delay[0] < task.action_delay[1],
+        "observed grasp": any(most > 0.0 for _, most in errors),
+        **dict.fromkeys(("friction", "damping", "mass", "gains"), sim.vary is not None),
     }
     return [name for name, differs in drawn.items() if differs]
 
@@ -274,7 +275,7 @@ def run(config: Config) -> str:
         origin = {**_about(config, env), "policy": _who(config), **provenance(sim.device)}
         columns = run_episodes(env, policy, watch)
         metrics: dict[str, Any] = {"episodes": env.num_envs, **summary(env, columns)}
-        metrics |= {"limit_use": use.fractions(), **origin, "variation": _variation(env)}
+        metrics |= {"limit_use": use.fractions(), **origin, "variation": variation(env.task.config, env.sim.config)}
         names = list(env.task.RESULTS.rates)
         if pool.is_index(config.stage):
             rates = {name: columns[name].numpy() for name in names}

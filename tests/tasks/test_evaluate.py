@@ -25,6 +25,22 @@ def settings(*keys: str) -> verb.Config:
     return config.load(verb.Config, config.compose("evaluate", keys))
 
 
+@pytest.mark.parametrize(
+    ("keys", "differ"),
+    [
+        (["task=open_part"], ["start"]),
+        (["task=close_part", "task.start_noise=0"], []),
+        (["task=open_part", "task.grasp_turn=[0,2]"], ["start", "observed grasp"]),
+        (["task=pick_place"], ["start"]),
+        (["task=pick_place", "task.start_noise=0"], []),
+        (["task=put_in", "task.start_noise=0", "task.start_turn=0.2"], ["start"]),
+    ],
+)
+def test_what_worlds_differ_in_is_known_for_each_task(keys: list[str], differ: list[str]) -> None:
+    asked = settings("stage=room.usd", "out=x.json", *keys)
+    assert verb.variation(asked.task, asked.sim) == differ
+
+
 def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) -> None:
     stage = write_cabinet(tmp_path / "sim.usda")
     keys = (f"stage={stage}", f"out={tmp_path / 'zero.json'}", "agent=zero", "num_envs=3", "task.episode_steps=5")

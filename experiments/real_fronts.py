@@ -268,7 +268,7 @@ def corrected(capture: str, folder: Path, out: Path) -> dict:
 
 def _seen(surface: SplitSurface, front: Front) -> np.ndarray:
     """Return faces that a front's rectangle shows, the one at its middle first."""
-    places = (surface.middles - front.middle) @ np.column_stack([*front.axes, front.normal])
+    places = (surface.centroids - front.middle) @ np.column_stack([*front.axes, front.normal])
     half = np.array([np.ptp((front.corners - front.middle) @ axis) / 2 for axis in front.axes])
     inside = (np.abs(places[:, :2]) < 0.9 * half).all(axis=1) & (np.abs(places[:, 2]) < MAX_OFFSET)
     faces = np.flatnonzero(inside & (surface.normals @ front.normal > 0.5))

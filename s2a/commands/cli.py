@@ -73,18 +73,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
             reason = " ".join(str(error).split())[:200] or "no more can be had"
             return _fail(f"out of memory: {reason}; lower num_envs, or free some memory", 2)
         if isinstance(error, (InputError, OSError)):
-            return _fail(str(error) + _remedy(error), 2)
+            return _fail(_said(error), 2)
         return _fail(
             f"{type(error).__name__}: {error}; this is a bug{_unless(arguments)}: report what --debug shows", 1
         )
 
 
-def _remedy(error: Exception) -> str:
-    """Return what to do about an error of the system, where it does not say it: Warp's cache cannot be written."""
-    name = getattr(error, "filename", None)
-    if isinstance(error, OSError) and isinstance(name, str) and "warp" in Path(name).parts:
-        return "; set WARP_CACHE_PATH to a folder that can be written"
-    return ""
+def _said(error: Exception) -> str:
+    """Return the message of an error of the user or of the system, with what to do about the latter."""
+    if not isinstance(error, OSError) or not isinstance(error.filename, str) or not error.strerror:
+        return str(error)
+    remedy = "check the path and its permissions"
+    if "warp" in Path(error.filename).parts:  # Warp's cache cannot be written
+        remedy = "set WARP_CACHE_PATH to a folder that can be written"
+    return f"{error.filename}: {error.strerror}; {remedy}"
 
 
 def _is_out_of_memory(error: BaseException) -> bool:

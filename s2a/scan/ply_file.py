@@ -105,7 +105,7 @@ def _parsed(data: bytes) -> PlyFile:
         return PlyFile(comments, _elements(_doubles(data[begin:].split()), layout, "<", text=True))
     except (ValueError, struct.error):
         words, narrow = _by_lines(data[begin:], layout)
-        if narrow == layout:
+        if narrow == layout and b"comment" not in data[begin:]:
             raise
         return PlyFile(comments, _elements(_doubles(words), narrow, "<", text=True))
 
@@ -132,6 +132,7 @@ def _by_lines(data: bytes, layout: list[tuple[str, Layout]]) -> tuple[list[bytes
     MeshLab writes colours of corners as a list and states them as numbers: what follows the last list of such rows is unknown.
     """
     lines = [line.split() for line in re.split(rb"\r\n|\n|\r", data) if line.strip()]
+    lines = [line for line in lines if line[0] != b"comment"]  # which some programs write there, too
     words: list[bytes] = []
     narrow: list[tuple[str, Layout]] = []
     for name, (count, properties) in layout:

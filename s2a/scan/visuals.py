@@ -274,8 +274,10 @@ def _is_stage(path: Path) -> bool:
 
 def _room_of(path: Path) -> Path | None:
     """Return the simulation-ready stage whose visuals a file holds; None for any other file."""
-    room = path.with_name(path.name.replace("_visuals.", "."))
-    return room if room != path and _is_stage(path) and _flavour(room) == sim_stage.FLAVOUR else None
+    if not _is_stage(path) or not path.stem.endswith("_visuals"):
+        return None
+    room = path.with_name(path.stem.removesuffix("_visuals") + path.suffix)
+    return room if room.suffix and _flavour(room) == sim_stage.FLAVOUR else None
 
 
 artefacts.register(

@@ -83,6 +83,13 @@ def _marked(path: Path) -> None:
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
 
 
+def _commented(path: Path) -> None:
+    """Write a PLY file with comments between its rows."""
+    ply("uchar", 255, form="ascii")(path)
+    head, _, body = path.read_text().partition("end_header\n")
+    path.write_text(head + "end_header\ncomment one\n" + body.replace("\n", "\ncomment two\n", 2))
+
+
 def _foreign_units(path: Path) -> None:
     """Write a stage that references one in centimetres."""
     usd('def "a" (\n prepend references = @other.usda@\n)\n{\n}')(path)
@@ -116,6 +123,7 @@ def _plain_files() -> list[Feature]:
     add(NAMES, "line ends", "STL", solids(end="\r\n"), facing=UP)
     add(NAMES, "line ends", "STL", solids(end="\r"), facing=UP)
     add(NAMES, "bytes that are not UTF-8", "STL", solids("\n  SOLID K\xfcche {} vertex 1 2 3\n"), facing=UP)
+    add(NAMES, "comments and blank lines", "STL", solids("# one\n\nsolid {}\n# two\n"), facing=UP)
     add(GEOMETRY, "binary files that begin with solid", "STL", binary(b"solid room"), facing=UP)
     add(GEOMETRY, "bytes behind the end", "STL", binary(more=b"\0\0\0"), warned=("3 bytes",), facing=UP)
     add(GEOMETRY, "map coordinates", "STL", text("solid a\n" + facets(SQUARE + UTM) + "endsolid a\n"), facing=UP)
@@ -154,6 +162,7 @@ def _plain_files() -> list[Feature]:
     add(NAMES, "byte order mark", "PLY", _marked, colors=(SHOWN,))
     numbers = ascii_ply(XYZ, "list uchar float vertex_indices", PLATE, FACES)
     add(GEOMETRY, "indices of other types", "PLY", numbers, facing=UP)
+    add(NAMES, "comments among rows", "PLY", _commented, colors=(SHOWN,))
     wide = ascii_ply(XYZ, "list int64 int64 vertex_indices", PLATE, FACES)
     add(GEOMETRY, "indices of other types", "PLY", wide, facing=UP)
     blue = {"b.mtl": "newmtl blue\nKd 0 0 1\n"}

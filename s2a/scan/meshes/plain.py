@@ -54,8 +54,8 @@ def _stl(path: Path, data: bytes) -> SourceMesh:
     count = int.from_bytes(data[80:84], "little")
     end = 84 + count * FACET.itemsize
     # Binary files may begin with "solid", too; a text of this very length would be a strange chance.
-    if len(data) != end and data.lstrip()[:5].lower() == b"solid":
-        corners = np.array(CORNER.findall(data)).astype(np.float64).reshape(-1, 3, 3)
+    if len(data) != end and (found := CORNER.findall(data)):
+        corners = np.array(found).astype(np.float64).reshape(-1, 3, 3)
         return _mesh(corners.reshape(-1, 3), np.full(len(corners), 3), np.arange(3 * len(corners)))
     if len(data) < max(end, 84):
         raise ValueError(f"{len(data)} of {max(end, 84)} bytes")

@@ -23,7 +23,7 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _fail("an argument is no UTF-8, which files of s2a cannot hold; rename what it names", 2)
         if _is_out_of_memory(error):
             reason = " ".join(str(error).split())[:200] or "no more can be had"
-            return _fail(f"out of memory: {reason}; lower num_envs, or free some memory", 2)
+            return _fail(f"out of memory: {reason}; lower {_size(arguments)}, or free some memory", 2)
         if isinstance(error, (InputError, OSError)):
             return _fail(_said(error), 2)
         return _fail(
@@ -87,6 +87,13 @@ def _said(error: Exception) -> str:
     if "warp" in Path(error.filename).parts:  # Warp's cache cannot be written
         remedy = "set WARP_CACHE_PATH to a folder that can be written"
     return f"{error.filename}: {error.strerror}; {remedy}"
+
+
+def _size(arguments: Sequence[str]) -> str:
+    """Return what of a command takes the most memory."""
+    command = next((each for each in arguments if each in commands()), "")
+    parallel = bool(command) and "num_envs" in get_type_hints(settings_of(command))
+    return "num_envs" if parallel else "a size or a number that was given"
 
 
 def _is_out_of_memory(error: BaseException) -> bool:

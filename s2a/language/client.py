@@ -183,7 +183,9 @@ EVENTS = re.compile(rb"(?:\s|:[^\n]*\n|event:[^\n]*\n)*data:")
 """The beginning of a response that comes in parts."""
 REFUSALS = (400, 404, 415, 422, 500, 501)
 """Status of a response that refuses a request as it is."""
-FILTERS = re.compile(r"content_filter|content management|safety|blocklist|prohibited|recitation", re.IGNORECASE)
+FILTERS = re.compile(
+    r"content_filter|content management|safety|blocklist|prohibited|recitation|guardrail", re.IGNORECASE
+)
 TOO_LONG = re.compile(r"context.{0,9}(?:length|window|size)|too long|too many tokens", re.IGNORECASE)
 
 
@@ -276,7 +278,7 @@ class Chat:
         except InputError:
             raise
         except Exception as error:  # of the client, its transport, or what they make of an odd response
-            text = printable(" ".join(str(error).split())[:300]) or type(error).__name__
+            text = printable(" ".join(_words(error).split())[:300]) or type(error).__name__
             remedy = "check OPENAI_BASE_URL, OPENAI_API_KEY and llm.model, or give llm=rules"
             if FILTERS.search(text):
                 remedy = "its filter refuses the question: word prompt and label otherwise, or set another llm.model"
@@ -372,17 +374,21 @@ class Chat:
         """Return what a response says; what is not text is nothing. Tokens that it does not tell are estimated."""
         choice = body["choices"][0]
         message = choice["message"]
-        text = message.get("content")
+        text, refusal = message.get("content"), message.get("refusal")
         if isinstance(text, list):  # parts: thoughts, and the answer
-            parts = [part for part in text if isinstance(part, dict) and part.get("type") == "text"]
-            text = "".join(str(part.get("text", "")) for part in parts)
+            parts = [part for part in text if isinstance(part, dict)]
+            refusal = "".join(str(part.get("refusal") or "") for part in parts)
+            text = "".join(str(part.get("text", "")) for part in parts if part.get("type") in ("text", "output_text"))
         calls = message.get("tool_calls")
-        if not text and isinstance(calls, list) and len(calls) == 1:  # how some servers give an object of a schema
-            call = calls[0].get("function") if isinstance(calls[0], dict) else None
-            text = call.get("arguments") if isinstance(call, dict) else None
+        call = message.get("function_call")  # how some servers give an object of a schema
+        if not call and isinstance(calls, list) and len(calls) == 1 and isinstance(calls[0], dict):
+            call = calls[0].get("function")
+        if not text and isinstance(call, dict):
+            text = call.get("arguments")
+            text = json.dumps(text) if isinstance(text, dict) else text
         text = encodable(text) if isinstance(text, str) else ""
         reason, cut = str(choice.get("finish_reason")), ""
-        if reason.lower() in ("length", "max_tokens"):
+        if reason.lower() in ("length", "max_tokens", "model_length", "max_output_tokens"):
             limit = f"llm.max_tokens={self._config.max_tokens}"
             is_ours = "max_completion_tokens" not in self._refused
             cut = (
@@ -392,7 +398,7 @@ class Chat:
             )
         elif FILTERS.search(reason):
             cut = "was cut by the endpoint's filter; word prompt and label otherwise"
-        elif not text and isinstance(refusal := message.get("refusal"), str) and refusal:
+        elif not text and isinstance(refusal, str) and refusal:
             cut = f"is a refusal: {printable(' '.join(refusal.split())[:200])}; word prompt and label otherwise"
         counts = body.get("usage")
         usage = counts if isinstance(counts, dict) else {}
@@ -425,9 +431,19 @@ def _gathered(text: bytes) -> dict[str, Any]:
     return {"choices": [{"message": {"content": content}, "finish_reason": reason}], "usage": usage}
 
 
+def _words(error: Exception) -> str:
+    """Return what an endpoint answers to a request; the client leaves out what is not worded as OpenAI does."""
+    body = getattr(error, "body", None)
+    return (
+        f"{error} - {json.dumps(body)}"
+        if body and not isinstance(body, str) and " - " not in str(error)
+        else str(error)
+    )
+
+
 def _refused(error: Any, given: list[str]) -> str | None:
     """Return what of a request an endpoint refuses: what its words name first, else the schema; None where it may be none."""
-    text = f"{error.param or ''} {error}".lower()
+    text = f"{error.param or ''} {_words(error)}".lower()
     if error.status_code not in REFUSALS or FILTERS.search(text):
         return None
     hits = {name: re.search(REFUSABLE[name], text) for name in given}

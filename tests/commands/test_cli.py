@@ -255,14 +255,16 @@ print(gc.isenabled())
     ],
 )
 def test_too_little_memory_is_one_line_and_no_bug(
-    error: Exception, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    error: Exception, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
     def fail(config: object) -> str:
         raise error
 
     monkeypatch.setattr("s2a.commands.export.run", fail)
-    message = refused(capsys, ["export", "scan=x", "out=y"])
-    assert "out of memory" in message and "num_envs" in message and "bug" not in message
+    monkeypatch.setattr("s2a.commands.evaluate.run", fail)
+    for arguments, size in ((["export", "scan=x"], "a size"), (["evaluate", "stage=x"], "num_envs")):
+        message = refused(capsys, [*arguments, f"out={tmp_path / 'y'}"])
+        assert "out of memory" in message and f"lower {size}" in message and "bug" not in message
 
 
 def test_a_user_without_a_home_has_one_for_caches(tmp_path: Path):

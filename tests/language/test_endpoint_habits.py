@@ -1,4 +1,4 @@
-"""Twelve habits of real model servers: the question is answered or ends in one line, and no answer is paid in vain."""
+"""Habits of real model servers: the question is answered or ends in one line, and no answer is paid in vain."""
 
 from __future__ import annotations
 
@@ -74,6 +74,15 @@ def streaming_only(request: dict[str, Any]) -> Said:
     return events(ANSWER[:9], ANSWER[9:]) if request.get("stream") else failure(400, words)
 
 
+def forbidding(request: dict[str, Any]) -> Said:
+    """Refuse, one after the other, what a strict server does not know, as FastAPI words it."""
+    for name in ("response_format", "max_tokens"):
+        if name in request:
+            detail = [{"type": "extra_forbidden", "loc": ["body", name], "msg": "Extra inputs are not permitted"}]
+            return Said(json.dumps({"detail": detail}).encode(), 422)
+    return message(ANSWER)
+
+
 PAGE = Said(b"<html><h1>502 Bad Gateway</h1></html>", 502, headers={"Content-Type": "text/html", "retry-after-ms": "1"})
 LIMIT = failure(429, "Rate limit reached for requests")
 LIMIT.headers = {"Retry-After": "1"}
@@ -101,8 +110,27 @@ HABITS = {
     "filter of the question": Habit((failure(400, "content_filter: Violence"),), "filter refuses the question", 1, 0),
     "refusal": Habit((message(None, refusal="I cannot\nhelp."),), "a refusal: I cannot help.*word prompt"),
     "a tool's call": Habit((with_choice(finish_reason="tool_calls", message={"content": None, "tool_calls": [CALL]}),)),
+    "a function's call": Habit((with_choice(message={"content": None, "function_call": CALL["function"]}),)),
+    "a call with an object": Habit(
+        (with_choice(message={"content": "", "tool_calls": [{"function": {"arguments": json.loads(ANSWER)}}]}),)
+    ),
+    "a refusal in parts": Habit(
+        (message([{"type": "refusal", "refusal": "I cannot."}]),),
+        "a refusal: I cannot.*word prompt",  # type: ignore[arg-type]
+    ),
+    "cut by the context": Habit((with_choice(finish_reason="model_length", message={"content": ""}),), "raise it"),
+    "guardrail": Habit((with_choice(finish_reason="guardrail_intervened", message={"content": ""}),), "filter"),
+    "fields that are forbidden": Habit((forbidding,), "", 3),
+    "a mark before the answer": Habit((Said(b"\xef\xbb\xbf" + message(ANSWER).body),)),
+    "a reason of its own form": Habit(
+        (Said(b'{"detail": [{"msg": "unknown model gpt-4o"}]}', 422),), "unknown model gpt-4o.*llm.model", 2, 0
+    ),
+    "no balance": Habit((failure(402, "Insufficient Balance"),), "Insufficient Balance", 1, 0),
     "slow": Habit((Said(b"", wait=3.0),), "did not end its answer in time; raise llm.timeout|timed out", 2, 0),
     "parts of content": Habit((message([{"type": "text", "text": ANSWER}]),)),  # type: ignore[arg-type]
+    "parts of an output": Habit(
+        (message([{"type": "reasoning", "text": "{"}, {"type": "output_text", "text": ANSWER}]),)  # type: ignore[arg-type]
+    ),
 }
 
 

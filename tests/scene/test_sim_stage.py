@@ -114,6 +114,15 @@ def test_physics_is_read_without_the_file_of_the_visuals(path: Path, scene: SimR
         sim_stage.read(alone)
 
 
+@pytest.mark.parametrize("name", ["a" * 250 + ".usda", "é" * 125 + ".usda", "room.usda"])
+def test_a_name_as_long_as_a_file_system_takes_has_its_visuals_beside_it(
+    name: str, scene: SimRoom, tmp_path: Path
+) -> None:
+    sim_stage.write(scene, tmp_path / name)
+    assert len(list(tmp_path.iterdir())) == 2 and sim_stage.visuals_file(tmp_path / name).is_file()
+    assert sim_stage.read(tmp_path / name) == scene
+
+
 def test_a_free_object_keeps_a_pose_of_its_own(scene: SimRoom, tmp_path: Path) -> None:
     body = replace(moving(scene), id="cup_20", position=(5.1, -2.3, 0.7), orientation=(0.0, 0.0, 0.6, 0.8), completed=0)
     room = replace(scene, free={"cup_20": body})

@@ -1003,17 +1003,26 @@ FEATURES = _features()
 
 def table(features: list[Feature]) -> str:
     """Return the lists of docs/own_scan.md: a row for each feature that a reader warns of or refuses; the others by format."""
-    formats = ("glTF", "OBJ", "PLY", "USD", "STL", "OFF")
-    rows, others = [f"| | {' | '.join(formats)} |", "|---|" + "---|" * len(formats)], []
+    columns, small = ("glTF", "OBJ", "PLY", "USD"), ("STL", "OFF")
+    rows, others = [f"| | {' | '.join(columns)} |", "|---|" + "---|" * len(columns)], []
+    apart: dict[str, list[str]] = {}
     for group in (COLORS, TEXTURES, GEOMETRY, STAGES, NAMES):
         read: dict[str, list[str]] = {}
         for name in dict.fromkeys(each.name for each in features if each.group == group):
             mine = [each for each in features if (each.group, each.name) == (group, name)]
-            cells = [dict.fromkeys(each.status for each in mine if each.format == format) for format in formats]
-            if any(set(cell) - {"read"} for cell in cells):
-                rows.append(f"| {name} | " + " | ".join(", ".join(cell) for cell in cells) + " |")
-            else:
-                columns = [format for format, cell in zip(formats, cells, strict=True) if cell]
-                read.setdefault("all" if len(columns) == len(formats) else ", ".join(columns), []).append(name)
-        others += ["", f"Read, {group}:", "", *(f"- {columns}: {'; '.join(names)}" for columns, names in read.items())]
+            cells = {
+                format: dict.fromkeys(each.status for each in mine if each.format == format)
+                for format in (*columns, *small)
+            }
+            if any(set(cells[format]) - {"read"} for format in columns):
+                rows.append(f"| {name} | " + " | ".join(", ".join(cells[format]) for format in columns) + " |")
+                continue
+            for format in small:
+                for status in set(cells[format]) - {"read"}:
+                    apart.setdefault(f"{format}, {status}", []).append(name)
+            holders = [format for format, cell in cells.items() if set(cell) == {"read"}]
+            if holders:
+                read.setdefault(", ".join(holders), []).append(name)
+        others += ["", f"Read, {group}:", "", *(f"- {holders}: {'; '.join(names)}" for holders, names in read.items())]
+    rows += ["", ". ".join(f"{what}: {'; '.join(names)}" for what, names in apart.items()) + "."]
     return "\n".join([*rows, *others]) + "\n"

@@ -13,11 +13,13 @@ writes and reads the layout; `s2a.certify.contents` reads what may be damaged.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
+from s2a.core.locks import start_of
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import joints
 from s2a.scene.usd.joints import write_body, write_fixed_joint, write_joint, write_site
@@ -39,7 +41,8 @@ VISUALS = "/visuals"
 
 def visuals_file(path: Path) -> Path:
     """Return where the visuals of a simulation-ready file lie: beside it."""
-    return path.with_name(f"{path.stem}_visuals{path.suffix}")
+    name = f"{path.stem}_visuals{path.suffix}"
+    return path.with_name(name if len(os.fsencode(name)) <= 255 else f"{start_of(path)}_visuals{path.suffix}")
 
 
 def write(room: SimRoom, path: Path, visuals: Path | None = None) -> None:

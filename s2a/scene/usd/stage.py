@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,8 @@ ROOT = "/scene"
 """Path of the default prim of every flavour."""
 RESERVED = ("joints", "visual", "grasp", "static", "physics", "materials", "colliders", "region")
 """Prims that are no parts; no part may be called so."""
+LONG = 240
+"""Bytes of a file's name beyond which USD's temporary one may be longer than 255, the most that file systems take."""
 TEXT, BLOCK, DEEPEST = b"#usda", 1 << 22, 5000
 """How USD's text begins; bytes that are read at once; brackets within brackets."""
 BRACKETS = np.zeros(256, np.int8)
@@ -54,9 +57,14 @@ def save_layer(layer: Sdf.Layer, path: Path, endings: Collection[str] = (".usda"
     """
     if path.suffix not in endings:
         raise InputError(f"{path}: {path.suffix or 'no'} ending; such a file ends in {', '.join(endings)}")
+    # USD writes beside it first, under a longer name: of a name that leaves no room for that, a short one stands in.
+    short = len(os.fsencode(path.name)) > LONG
+    place = path.with_name(f".{path.suffix[1:]}{path.suffix}") if short else path
     try:
         with full_disk_reported(path):
-            written = layer.Export(str(path))
+            written = layer.Export(str(place))
+            if short and written:
+                os.replace(place, path)
     except Tf.ErrorException:
         written = False
     if not written:

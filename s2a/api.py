@@ -189,6 +189,24 @@ def make(
         return tasks.make(task, Path(room), part, num_envs, device, seed, overrides, numpy)
 
 
+def export_policy(network: Any, out: File, env: TaskVectorEnv) -> Path:
+    """Write a network of one's own as a policy file, for `policy=FILE.onnx` of the commands. Needs `s2a[learn]`.
+
+    Args:
+        network: a torch module, observations [world observation] -> mean actions [world action]; or an ONNX file of one.
+        out: the ONNX file to write.
+        env: of `make`, with the settings in which the network was trained.
+
+    Raises:
+        InputError: the network fails on an observation of `env`, or gives something else than its actions.
+    """
+    with errors.required():
+        from s2a.learn.rl.policy_file import wrap
+
+        given = Path(network) if isinstance(network, (str, PathLike)) else network
+        return wrap(given, Path(out), env.unwrapped.worlds)
+
+
 def _load(cls: type[Any], command: str, given: dict[str, Any], overrides: Sequence[str]) -> Any:
     """Return a command's configuration: its defaults, the overrides, and the given top-level values."""
     return config.load(

@@ -5,6 +5,9 @@
     python tools/certify_rooms.py --rooms kitchen:1 study:3 --work runs/certify --out FILE.json
 
 A room with a colon has its own seed. Handles are counted by family ("rail", "bow").
+With `--planner 4` the planner then opens each part in 4 worlds, and the file says where it and the certificate's "graspable"
+disagree, with the reasons of both.
+
 What lies in the work folder already (scans, stages, reports of the same stage and settings) is kept, so that an
 interrupted run goes on where it stopped.
 """
@@ -27,18 +30,23 @@ from rich.table import Table
 from s2a import scan
 from s2a.certify import report
 from s2a.certify.check_suite import CertifyConfig, certify
+from s2a.commands import evaluate
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.homes.sample import SampleConfig, sample
+from s2a.learn.evaluate import run_episodes
+from s2a.motion.policy import Planner
 from s2a.prepare.grasp import find_target
 from s2a.prepare.part import ALL
 from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.scene import Scene
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.stamp import content_hash
+from s2a.sim.simulation import Simulation
+from s2a.tasks import make_env
 
 
 def main() -> None:
@@ -56,11 +64,14 @@ def main() -> None:
                 "detail": asked.detail,
                 "prepare": asked.prepare,
                 "styles": rates(found),
+                **({"planner": agreement(found)} if asked.planner else {}),
                 "parts": found,
             }
             with atomic_write(asked.out) as out:
                 out.write_text(json.dumps(whole | provenance("cpu"), indent=1))
     Console(width=160).print(_table(rates(found)))
+    if asked.planner:
+        print(json.dumps(agreement(found), indent=1))
     for part in found:
         if not part["passed"]:
             print(f"{part['room']} {part['seed']} {part['target']} ({part['style']}): {'; '.join(part['failed'])}")
@@ -75,6 +86,46 @@ def rates(found: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
         counts["passed"] += part["passed"]
         counts["graspable"] += part["graspable"] is True
     return dict(sorted(styles.items()))
+
+
+def agreement(found: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return how often certificate and planner agree on parts with a verdict of both, and the parts on which they do not.
+
+    The planner's verdict is that it grasps the part in most worlds; of a part that is not prepared there is neither.
+    """
+    both = [part for part in found if part["graspable"] is not None and part["planner"] is not None]
+    pairs = [(part["graspable"], 2 * part["planner"]["grasped"] > part["planner"]["worlds"]) for part in both]
+    kinds = {"both": (True, True), "neither": (False, False), "certificate": (True, False), "planner": (False, True)}
+    counts = {kind: pairs.count(pair) for kind, pair in kinds.items()}
+    apart = [part for part, (certificate, planner) in zip(both, pairs, strict=True) if certificate != planner]
+    return {
+        "parts": len(both),
+        "agree": sum(a == b for a, b in pairs) / max(1, len(both)),
+        "graspable_by": counts,
+        "apart": [
+            f"{p['room']} {p['seed']} {p['target']} ({p['style']}): certificate: {p['closure']}; planner: {p['planner']['text']}"
+            for p in apart
+        ],
+    }
+
+
+def _planner(stage: Path, part: str, worlds: int) -> dict[str, Any]:
+    """Return how often the planner opens and grasps a part, or why it does not try."""
+    keys = [f"stage={stage}", f"part={part}", "out=-", f"num_envs={worlds}", "device=cpu"]
+    settings = config.load(evaluate.Config, config.compose("evaluate", keys))
+    try:
+        stages = settings.read_stages()
+        sim = Simulation(stages, settings.sim, worlds, "cpu")
+        env = make_env(sim, settings.task, settings.metrics, {}, settings.seed)
+        planner = Planner(env, settings.planner)
+    except InputError as error:
+        return {"worlds": worlds, "opened": 0, "grasped": 0, "text": f"no plan: {error}"}
+    env.lengthen(planner.episode_steps)
+    columns = run_episodes(env, planner)
+    opened, grasped = (int(columns[name].sum()) for name in ("success", "grasp_success"))
+    base = stages[0].room.articulations[part].bases[stages[0].robot]
+    text = f"opened {opened}, grasped {grasped} of {worlds}" + ("" if base.free else f"; base {base.reason}")
+    return {"worlds": worlds, "opened": opened, "grasped": grasped, "text": text}
 
 
 def _seeded(name: str, seeds: list[int]) -> list[tuple[str, int]]:
@@ -124,7 +175,10 @@ def _part(case: tuple[str, int, str, argparse.Namespace]) -> dict[str, Any]:
     held = [truth[part] for part in _scene(folder).grasp_parts(target) if part in truth]
     styles = {part.get("facts", {}).get("family", part["style"]) for part in held}
     style = ", ".join(sorted(filter(None, styles))) or "none"
-    return {"room": room, "seed": seed, "target": target, "style": style, **_certified(folder, target, asked)}
+    row = {"room": room, "seed": seed, "target": target, "style": style, **_certified(folder, target, asked)}
+    if not asked.planner:
+        return row
+    return {**row, "planner": _planner(_stage(folder, asked), target, asked.planner) if "closure" in row else None}
 
 
 def _certified(folder: Path, part: str, asked: argparse.Namespace) -> dict[str, Any]:
@@ -171,6 +225,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--detail", default="demo")
     parser.add_argument("--prepare", default="handle", help="settings of conf/prepare")
+    parser.add_argument("--planner", type=int, default=0, help="worlds in which the planner opens each part")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)

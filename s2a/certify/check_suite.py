@@ -19,6 +19,7 @@ from s2a.certify.portability import FoundationConfig, foundation
 from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
 from s2a.core.check import Check, Status, at_most
 from s2a.core.errors import InputError
+from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.scene.usd.stage import ROOT
 from s2a.scene.usd.stamp import content_hash
@@ -67,7 +68,7 @@ def certify(
     evidence = _evidence(path)
     foundation_checks = foundation(path, config.foundation)
     seconds, reports = time.perf_counter() - start, []
-    for one in [held.part] if part else contents.parts(held) or [""]:
+    for one in track([held.part] if part else contents.parts(held) or [""], "certify"):
         begun = time.perf_counter()
         checks, graspable = _part(path, contents.about(held, one), room, config, robot, evidence)
         reports.append(

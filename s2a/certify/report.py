@@ -59,32 +59,49 @@ def kept(
 
 
 def grip(result: ValidationReport) -> str:
-    """Return in words whether a parallel gripper can hold the part."""
-    words = {True: "graspable", False: "not graspable by a parallel gripper", None: "grasp not tested"}
+    """Return in words whether a parallel gripper can hold the part, and why it cannot."""
+    why = next((check.message for check in result.checks if check.name == "grasp_hold"), "")
+    no = "not graspable by a parallel gripper"
+    words = {
+        True: "graspable by a parallel gripper",
+        False: f"{no}: {why.removeprefix(f'{no}: ')}",
+        None: "grasp not tested",
+    }
     return words[result.graspable]
 
 
 def summary(result: ValidationReport) -> str:
-    """Return a report as a few lines: its verdict, each failed check with its remedy, and why others were skipped."""
-    verdict = "PASSED" if result.passed else "FAILED"
-    head = f"{result.stage}: {verdict}; {result.target or 'no target'}: {grip(result)}"
-    lines = [f"  {c.name} at {c.prim or '/scene'}: {number(c)} {c.message}; {c.remedy}" for c in result.failed]
-    lines += [
-        f"  {count_text(result.checks)}",
-        *(f"  {c.name} skipped: {c.message}" for c in result.checks if c.status == "skipped"),
-    ]
-    return "\n".join([head, *lines])
+    """Return a report as a few lines: its verdict, and each failed check with its remedy.
+
+    Whether a gripper can hold the part is a line of its own, with the reason: a part without a handle is no fault of its file.
+    """
+    head = f"{result.stage}: {result.target or 'no target'}: {'PASSED' if result.passed else 'FAILED'}"
+    lines = [f"  {grip(result)}"]
+    lines += [f"  {c.name} at {c.prim or '/scene'}: {number(c)} {c.message}; {c.remedy}" for c in result.failed]
+    return "\n".join([head, *lines, f"  {count_text(result.checks)}"])
+
+
+def skipped(results: Sequence[ValidationReport]) -> list[str]:
+    """Return why checks were skipped, a line each, and what to do about it, with the parts where those are not all."""
+    parts: dict[str, list[str]] = {}
+    for target, check in ((each.target, c) for each in results for c in each.checks if c.status == "skipped"):
+        remedy = f"; {check.remedy}" if check.remedy else ""
+        parts.setdefault(f"  {check.name} skipped: {check.message}{remedy}", []).append(target)
+    return [line if len(of) == len(results) else f"{line} ({', '.join(of)})" for line, of in parts.items()]
 
 
 def table(results: Sequence[ValidationReport]) -> str:
-    """Return many reports as text, one a line, and how many passed."""
-    lines = [f"{'stage':40} {'target':16} {'verdict':8} {'grip':14} failed checks"]
+    """Return many reports as text, one a line; how many passed; and which parts a gripper can hold."""
+    lines = [f"{'stage':40} {'target':16} {'verdict':8} failed checks"]
     for c in results:
-        grasp = {True: "graspable", False: "not graspable", None: "not tested"}[c.graspable]
         verdict = "passed" if c.passed else "FAILED"
         failed = ", ".join(check.name for check in c.failed)
-        lines.append(f"{c.stage[-40:]:40} {c.target:16} {verdict:8} {grasp:14} {failed}".rstrip())
-    return "\n".join([*lines, f"{sum(c.passed for c in results)} of {len(results)} passed"])
+        lines.append(f"{c.stage[-40:]:40} {c.target:16} {verdict:8} {failed}".rstrip())
+    lines.append(f"{sum(c.passed for c in results)} of {len(results)} passed")
+    for words, verdict in (("graspable", True), ("not graspable", False), ("grasp not tested", None)):
+        if some := [c.target for c in results if c.graspable is verdict]:
+            lines.append(f"{words}: {', '.join(some)}")
+    return "\n".join(lines)
 
 
 def number(check: Check) -> str:

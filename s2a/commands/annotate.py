@@ -96,7 +96,8 @@ def run(config: Config) -> str:
     with served(
         editor, scan.files.name, save, config.evidence, config.max_faces, view, config.camera.fov, config.port
     ) as address:
-        say(f"{scan.files.name} at {address}; Save writes {config.out}, Ctrl-C ends it")
+        alone = "; page=false writes the proposals without a page" if config.auto else ""
+        say(f"{scan.files.name} at {address}; Save writes {config.out}, Ctrl-C ends it{alone}")
         with suppress(KeyboardInterrupt):
             threading.Event().wait()
     return ""

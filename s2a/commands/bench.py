@@ -132,7 +132,7 @@ def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
         world, name = read_world(path), f"{path.absolute().parent.name}_{path.stem}"
     else:
         file = PolicyFile(path)
-        world, name = file.world, Path(file.name).stem
+        world, name = file.worlds(config.sim, config.task), Path(file.name).stem
     if world is None:
         raise InputError(
             f"policy {config.policy!r}: no world.json beside it; give a checkpoint in the folder of its run"

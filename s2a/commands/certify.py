@@ -65,7 +65,7 @@ def run(config: Config) -> str:
     results = done or _write(config)
     if config.stamp and not done:
         write_stamp(config.stage, {result.target: result.passed for result in results})
-    text = "\n".join(report.summary(result) for result in results)
+    text = "\n".join([*map(report.summary, results), *report.skipped(results)])
     text += f"\n  kept from {config.out / RECORD}" if done else f"\n  {config.out}"
     text += f"\n{report.table(results)}" if len(results) > 1 else ""
     if not all(result.passed for result in results):

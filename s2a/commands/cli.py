@@ -26,12 +26,14 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 import hydra
+import numpy as np
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from s2a.commands import usage
 from s2a.core import config, errors, outputs, progress
+from s2a.core.cache import recall
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.progress import StdoutFilter
 
@@ -281,13 +283,23 @@ def _dispatch(arguments: list[str]) -> int:
     elif command not in commands():
         raise InputError(f"command {command!r} is unknown{config.nearest(command, commands())}")
     elif flags and {"--help", "-h", "--help-all"}.intersection(flags):
-        every = "--help-all" in flags
-        progress.show(usage.command(command, meaning(command), _module(command).Config, every))
+        progress.show(_help(command, "--help-all" in flags))
     elif "--multirun" in flags or "-m" in flags:
         sweep(command, overrides)
     else:
         run(command, compose(command, overrides))
     return 0
+
+
+def _help(command: str, every: bool) -> str:
+    """Return the help text of a command, from the cache if it is there: to import a simulator for it takes seconds."""
+
+    def make() -> dict[str, np.ndarray]:
+        return {"text": np.array(usage.command(command, meaning(command), _module(command).Config, every))}
+
+    values = [file.read_text(encoding="utf-8") for file in sorted(config.folder().rglob("*.yaml"))]
+    known = [command, str(every), os.environ.get("S2A_ROBOTS", ""), *values]
+    return str(recall("help", known, make)["text"])
 
 
 def compose(command: str, arguments: Sequence[str]) -> dict[str, Any]:

@@ -85,7 +85,7 @@ def begin(config: Config) -> Session:
     if size[0] % 2 or size[1] % 2:
         raise InputError(f"images of {size[0]} x {size[1]} pixels cannot be a video; give even numbers")
     file = PolicyFile(config.policy) if config.policy else None
-    physics, task = file.world if file else (config.sim, config.task)
+    physics, task = file.worlds(config.sim, config.task) if file else (config.sim, config.task)
     physics = replace(physics, vary=None)  # every world alike, or no episode could be played again
     stage = _stage(config, task)
     sim = Simulation([stage], physics, config.num_envs, device_of(config.device))

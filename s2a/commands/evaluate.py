@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -43,9 +44,10 @@ from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.soft_body import SoftConfig, soft_body
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env, pool
-from s2a.tasks.base import MdpConfig, Task
+from s2a.tasks.base import MdpConfig, Task, meanings
 from s2a.tasks.env import VecEnv
 from s2a.tasks.soft import COLUMNS, NAME, SOFT_TASK, VALUES, SoftMetrics, SoftTask, trials
+from s2a.tasks.state import LIMITS
 from s2a.view import states
 
 _log = logging.getLogger(__name__)
@@ -200,6 +202,13 @@ def variation(task: MdpConfig, sim: SimConfig) -> list[str]:
     return [name for name, differs in drawn.items() if differs]
 
 
+def _beyond(planner: Planner, env: VecEnv) -> list[str]:
+    """Return the rates that ask for a wider opening than that at which a plan ends; no episode can reach them."""
+    end = float(np.abs(planner.trajectories[0].part).max()) * env.sim.stage.lever_arm
+    limits = {name: limit for name, limit in env.task.thresholds.items() if name in LIMITS}
+    return [name for name in env.task.RESULTS.rates if limits.get(name.removeprefix("final_"), 0.0) > end + 1e-3]
+
+
 def _refuse_contradictions(config: Config) -> None:
     """Raise for keys that cannot go together, before an evaluation is spent on them."""
     if config.export and not config.checkpoint:
@@ -249,7 +258,9 @@ def run(config: Config) -> str:
     if config.physics == "soft":
         return _run_soft(config)
     file = PolicyFile(config.policy) if config.policy else None
-    world = file.world if file else read_world(config.checkpoint) if config.checkpoint else None
+    world = (
+        file.worlds(config.sim, config.task) if file else read_world(config.checkpoint) if config.checkpoint else None
+    )
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
         device = device_of(config.device)
@@ -276,6 +287,9 @@ def run(config: Config) -> str:
         columns = run_episodes(env, policy, watch)
         metrics: dict[str, Any] = {"episodes": env.num_envs, **summary(env, columns)}
         metrics |= {"limit_use": use.fractions(), **origin, "variation": variation(env.task.config, env.sim.config)}
+        beyond = _beyond(policy, env) if isinstance(policy, Planner) and len(stages) == 1 else []
+        metrics["beyond_plan"] = [name for name in beyond if metrics[name]["rate"] == 0.0]
+        metrics["meanings"] = meanings({**env.task.RESULTS.rates, **env.task.RESULTS.values})
         names = list(env.task.RESULTS.rates)
         if pool.is_index(config.stage):
             rates = {name: columns[name].numpy() for name in names}
@@ -314,12 +328,16 @@ def _save(
 
 def _lines(metrics: dict[str, Any], names: Sequence[str], values: Sequence[str]) -> list[str]:
     """Return the rates, values and use of the robot's limits as text."""
-    lines = [
-        f"  {name:24}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name in names if (r := metrics[name])
-    ]
-    lines += [f"  {name:24}mean {v['mean']:.3f}, min {v['min']:.3f}" for name in values if (v := metrics.get(name))]
+    beyond = metrics.get("beyond_plan", [])
+    shown = {name: metrics[name] for name in names if name not in beyond}
+    lines = [f"  {name:24}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name, r in shown.items()]
+    lines += [f"  not reachable by the plan (planner.opening): {', '.join(beyond)}"] if beyond else []
+    units = {name: re.search(r" \[([^\]]+)\]", text) for name, text in metrics.get("meanings", {}).items()}
+    for name, v in ((name, metrics[name]) for name in values if name in metrics):
+        unit = f" {match[1]}" if (match := units.get(name)) else ""
+        lines.append(f"  {name:24}mean {v['mean']:.3f}{unit}, min {v['min']:.3f}{unit}")
     used = ", ".join(f"{name.replace('_', ' ')} {fraction:.0%}" for name, fraction in metrics["limit_use"].items())
-    return [*lines, f"  of the robot's limits at most: {used}"]
+    return [*lines, f"  peak use of the robot's limits: {used}"]
 
 
 def _run_soft(config: Config) -> str:

@@ -184,7 +184,7 @@ def _written(
         write_png(room_image(done.mesh), config.image)
     size = " x ".join(f"{length:.2f}" for length in done.mesh.bounds[1] - done.mesh.bounds[0])
     faces = f"{len(done.mesh.faces)} faces" + (
-        f" ({done.source_faces} in the file; {imported.SOURCE_FACES} maps them)"
+        f" ({done.source_faces} in the file, split where a texture has detail; {imported.SOURCE_FACES} maps them)"
         if len(done.mesh.faces) != done.source_faces
         else ", as in the file"
     )

@@ -8,26 +8,49 @@ import os
 import signal
 import sys
 import threading
+import time
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sized
+from datetime import timedelta
 from typing import Any, TextIO, TypeVar
 
 from s2a.core.errors import InputError, printable
 
 T = TypeVar("T")
+LINE_EVERY = 10.0
+"""[s] Between two lines of progress in a log."""
 
 
 def track(items: Iterable[T], description: str, total: int | None = None) -> Iterator[T]:
-    """Yield the items with a progress bar and the remaining time, if stderr is a terminal.
+    """Yield the items with a progress bar and the remaining time; where stderr is no terminal, with a line every LINE_EVERY.
 
     `total`: number of items; needed only where `len(items)` is not known.
     """
+    if not is_terminal():
+        yield from _in_lines(items, description, total)
+        return
     # Rich costs 0.1 s to import, which commands that finish at once should not pay.
     from rich.console import Console
     from rich.progress import track as bar
 
-    console = Console(stderr=True)
-    yield from bar(items, description, total, console=console, transient=True, disable=not console.is_terminal)
+    yield from bar(items, description, total, console=Console(stderr=True), transient=True)
+
+
+def _in_lines(items: Iterable[T], description: str, total: int | None) -> Iterator[T]:
+    """Yield the items; write every LINE_EVERY how many are done, and the remaining time."""
+    begun = last = time.monotonic()
+    count = len(items) if total is None and isinstance(items, Sized) else total
+    for done, item in enumerate(items):
+        if done and (now := time.monotonic()) - last >= LINE_EVERY:
+            last = now
+            left = timedelta(seconds=round((now - begun) / done * (count - done))) if count else None
+            note(f"{description}: {done} of {count}, {left} left" if count else f"{description}: {done}")
+        yield item
+
+
+def is_terminal() -> bool:
+    """Return whether somebody sees a progress bar: stderr is a terminal."""
+    return sys.stderr is not None and sys.stderr.isatty()
 
 
 class StdoutFilter(io.TextIOBase):

@@ -186,8 +186,8 @@ class Task:
             self.world = binding.bind(sim, self.sensor, config, metrics, len(self.OWN))
             self.bind()
             joints = sim.layout.robot_joints
-            self.columns, self.observations, self._observe = _layout(_active(self.OBSERVATIONS, config), joints)
-            _, self.privileged, self._observe_privileged = _layout(_active(self.CRITIC, config), joints)
+            self.columns, self.observations, self._observe = _layout(active(self.OBSERVATIONS, config), joints)
+            _, self.privileged, self._observe_privileged = _layout(active(self.CRITIC, config), joints)
             self._write_result = result_kernel(list({**self.RESULTS.rates, **self.RESULTS.values}.values()))
 
     # What a task adds: its stage, its motion, its start, and its own kernels.
@@ -318,21 +318,35 @@ def weights_of(rewards: Terms, weights: Mapping[str, float]) -> list[float]:
     return [float(weights.get(name, 0.0)) for name in rewards]
 
 
-def _active(groups: Mapping[str, Sequence[wp.Function]], config: Any) -> list[wp.Function]:
+def active(groups: Mapping[str, Sequence[wp.Function]], config: Any) -> list[wp.Function]:
+    """Return the terms that a task's settings turn on, in their order."""
     return [each for setting, group in groups.items() if not setting or getattr(config, setting) for each in group]
 
 
-def _layout(functions: Sequence[wp.Function], joints: int) -> tuple[dict[str, slice], int, wp.Kernel]:
-    """Return the columns of observation terms by name, their number, and the kernel that writes them.
+def columns_of(functions: Sequence[wp.Function], joints: int) -> dict[str, slice]:
+    """Return the columns of observation terms by name, for a robot of so many joints.
 
     A term that takes a joint besides (State, World, world) has a column a joint; one that returns a wp.vec3 three; else one.
     """
-    columns: dict[str, slice] = {}
-    kinds: tuple[list[Any], list[Any], list[Any]] = ([], [], [])
-    first = 0
+    columns, first = {}, 0
     for each in functions:
-        signature = inspect.signature(each.func)
-        of_joints, vector = len(signature.parameters) == 4, signature.return_annotation is wp.vec3
-        kinds[2 if of_joints else int(vector)].append((each, first))
-        columns[each.key] = slice(first, first := first + (joints if of_joints else 3 if vector else 1))
-    return columns, first, observation_kernel(*kinds)
+        width = {"joint": joints, "vector": 3, "number": 1}[_shape(each)]
+        columns[each.key] = slice(first, first := first + width)
+    return columns
+
+
+def _shape(function: wp.Function) -> Literal["joint", "vector", "number"]:
+    signature = inspect.signature(function.func)
+    if len(signature.parameters) == 4:
+        return "joint"
+    return "vector" if signature.return_annotation is wp.vec3 else "number"
+
+
+def _layout(functions: Sequence[wp.Function], joints: int) -> tuple[dict[str, slice], int, wp.Kernel]:
+    """Return the columns of observation terms by name, their number, and the kernel that writes them."""
+    columns = columns_of(functions, joints)
+    first = {each: columns[each.key].start for each in functions}
+    kinds = [
+        [(each, first[each]) for each in functions if _shape(each) == kind] for kind in ("number", "vector", "joint")
+    ]
+    return columns, max((each.stop for each in columns.values()), default=0), observation_kernel(*kinds)

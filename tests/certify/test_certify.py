@@ -104,7 +104,8 @@ def test_the_command_writes_a_record_and_a_page_and_keeps_them(
     monkeypatch.setenv("S2A_COMMIT", "abc1234")
     out = tmp_path / "validation"
     assert cli.main(quick(stage, out)) == 0
-    assert "PASSED; drawer_2: graspable" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "drawer_2: PASSED\n  graspable by a parallel gripper\n" in shown
     record = json.loads((out / "report.json").read_text())
     (result,) = record["reports"]
     assert record["passed"] and {"name", "value", "bound", "prim", "remedy"} <= set(result["checks"][0])
@@ -115,6 +116,20 @@ def test_the_command_writes_a_record_and_a_page_and_keeps_them(
     stamp = read_stamp(stage)
     assert stamp is not None and stamp.valid and stamp.parts == {"drawer_2": True}
     assert "kept from" in capsys.readouterr().out and (out / "report.json").stat().st_mtime_ns == written
+
+
+def test_a_part_without_a_grasp_has_passed_and_a_line_of_its_own_says_why() -> None:
+    hold = Check("grasp_hold", "info", message="not graspable by a parallel gripper: the region is 277 mm thick")
+    results = [
+        ValidationReport("a.usd", "", part, (check,), verdict, {}, 1.0)
+        for part, check, verdict in (("door_1", hold, False), ("door_2", Check("mass", "pass"), True))
+    ]
+    head, grip, *_ = report.summary(results[0]).splitlines()
+    assert head == "a.usd: door_1: PASSED"
+    assert grip == "  not graspable by a parallel gripper: the region is 277 mm thick"
+    lines = report.table(results).splitlines()
+    assert lines[-3:] == ["2 of 2 passed", "graspable: door_2", "not graspable: door_1"]
+    assert not any("passed" in line and "graspable" in line for line in lines)
 
 
 def test_a_certificate_is_kept_for_the_same_file_settings_and_code_alone(tmp_path: Path) -> None:
@@ -237,5 +252,9 @@ def test_without_the_validator_its_rules_are_not_run(stage: Path, monkeypatch: p
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     (check,) = foundation(stage, load(CertifyConfig, "certify/default").foundation)
     assert check.status == "skipped" and "s2a[simready]" in check.remedy
-    said = report.summary(ValidationReport("a.usd", "", "drawer_2", (check,), None, {}, 0.0)).splitlines()
-    assert said[1:] == ["  1 skipped", "  simready skipped: the package simready-validate is not installed"]
+    results = [ValidationReport("a.usd", "", part, (check,), None, {}, 0.0) for part in ("drawer_2", "door_3")]
+    assert report.summary(results[0]).splitlines()[1:] == ["  grasp not tested", "  1 skipped"]
+    missing = "  simready skipped: the package simready-validate is not installed; pip install 's2a[simready]'"
+    assert report.skipped(results) == [missing], "one line for all parts"
+    other = replace(results[1], checks=())
+    assert report.skipped([results[0], other]) == [f"{missing} (drawer_2)"]

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import pytest
 import torch
+from counting_env import CountingEnv
 from rsl_rl.utils.logger import Logger
 from settings import load
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from s2a.learn.rl import run_folder
 from s2a.learn.rl.config import PpoConfig, rsl_rl_settings
-from s2a.learn.rl.ppo import LazyLogger
+from s2a.learn.rl.ppo import LazyLogger, train
 
 WORLDS, STEPS, ITERATIONS = 5, 7, 3
 
@@ -36,3 +41,20 @@ def test_episodes_are_the_librarys_own_in_their_order(tmp_path: Path) -> None:
     assert list(ours.lenbuffer) == list(theirs.lenbuffer) and max(ours.lenbuffer) > STEPS
     assert torch.equal(ours.cur_reward_sum, theirs.cur_reward_sum)
     assert torch.equal(ours.cur_episode_length, theirs.cur_episode_length)
+
+
+def test_a_log_has_a_line_an_iteration_and_tensorboard_the_librarys_tags(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    small = {"num_steps_per_env": 8, "num_learning_epochs": 1, "num_mini_batches": 2, "hidden_dims": [8]}
+    env = CountingEnv()
+    train(env, load(PpoConfig, "ppo/default", **small, iterations=3), tmp_path)
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("train: ")]
+    assert [line.split(";")[0] for line in lines] == [f"train: iteration {i} of 3" for i in (1, 2, 3)]
+    assert all(
+        re.search(r"; (reward -?[\d.e+]+|no episode ended), .*\d+ steps/s, \d+:\d\d:\d\d left$", line) for line in lines
+    )
+    tags = EventAccumulator(str(tmp_path)).Reload().Tags()["scalars"]
+    assert {tag.split("/")[0] for tag in tags} <= {"Episode", "Loss", "Perf", "Policy", "Train"}
+    assert {f"Episode/rew_{name}" for name in env.task.REWARDS} <= set(tags)
+    assert not any(name.startswith("rew_") for row in run_folder.curve(tmp_path) for name in row)

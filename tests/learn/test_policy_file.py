@@ -142,12 +142,15 @@ def test_a_missing_file_says_what_there_is() -> None:
         PolicyFile(Path("nowhere.onnx"))
 
 
-def test_a_network_that_does_not_know_its_world_is_refused(exported: Path) -> None:
+def test_a_network_that_does_not_know_its_world_acts_in_the_given_one_with_a_warning(
+    exported: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     model = onnx.load(exported)
     del model.metadata_props[:]
     onnx.save(model, exported)
-    with pytest.raises(InputError, match="does not say in which world it was trained; export it again from its run"):
-        PolicyFile(exported)
+    file = PolicyFile(exported)
+    assert file.world is None and file.worlds(*settings()) == settings()
+    assert "does not say in which world it was trained" in caplog.text
 
 
 def test_a_run_of_another_program_is_exported_without_a_world(exported: Path) -> None:
@@ -159,6 +162,7 @@ def test_a_run_of_another_program_is_exported_without_a_world(exported: Path) ->
 
 def test_the_policy_in_the_box_is_small_and_was_trained_as_it_is_said(tmp_path: Path) -> None:
     file = PolicyFile(Path(PRETRAINED))
+    assert file.world is not None
     sim, task = file.world
     assert isinstance(task, OpenPartConfig) and task.describe_part and sim.limits is not None and sim.vary is not None
     path = Path(__file__).parents[2] / "s2a/learn/policies/open_part.onnx"

@@ -13,10 +13,10 @@ import pytest
 from s2a.commands import cli
 from s2a.core.errors import InputError
 from s2a.view.report import read, results
-from s2a.view.report.document import Document, images, table, text
+from s2a.view.report.document import Document, Line, images, lines, table, text
 
 RESULTS = Path(__file__).parents[2] / "experiments/results"
-VOID = ("meta", "link", "img", "path", "rect", "circle", "br")
+VOID = ("meta", "link", "img", "path", "rect", "circle", "br", "polygon")
 OPTIONAL = ("tr", "td", "th")
 """Tags whose end HTML adds by itself."""
 RATE = {"rate": 0.75, "low": 0.5, "high": 0.9}
@@ -122,9 +122,40 @@ def test_the_runs_of_a_sweep_are_rows_named_by_what_differs_with_a_value_a_seed(
     assert "3 runs" in page and "75 / 75 %" in page
     rows = re.findall(r"<td class=''>(reward.distance=\S+?)<td", page)
     assert rows == ["reward.distance=1.5", "reward.distance=9.0"]
+    for i, (reward, seed) in enumerate([("paper", 0), ("paper", 1), ("handle", 0)]):
+        hydra = tmp_path / f"sweep/{i}/.hydra/overrides.yaml"
+        hydra.parent.mkdir()
+        hydra.write_text(f"- reward={reward}\n- seed={seed}\n- +experiment=best\n- out=run\n")
+    page = whole(read(tmp_path / "sweep"))
+    assert re.findall(r"<td class=''>(reward=\w+)<td", page) == ["reward=paper", "reward=handle"]
+    assert "sweep: 2 settings, 3 trainings" in page
     (tmp_path / "sweep/1/run/metrics.json").write_text("{}")
     with pytest.raises(InputError, match=r"sweep/1/run: damaged.*'curve'"):
         read(tmp_path / "sweep")
+
+
+def test_a_run_without_rates_is_named_and_has_no_published_figure_beside_it(tmp_path: Path) -> None:
+    for i, recent in enumerate([{"episodes": 8.0, "success": RATE}, {"episodes": 0.0}]):
+        weights = (
+            settings()["reward"] if i == 0 else {"distance": 50.5, "rotation": 50.5, "opening": 10.0, "finger": 50.0}
+        )
+        run_folder(tmp_path / f"sweep/{i}/run", reward=weights)
+        write(tmp_path / f"sweep/{i}/run/metrics.json", metrics(recent=recent))
+    (table,) = re.findall(r"<h2>All runs</h2>(.*?)</section>", whole(read(tmp_path / "sweep")), re.DOTALL)
+    assert "87 to 88 %" in table and "74 %, handle" not in table
+    assert "No rates yet: reward.distance=50.5" in table
+
+
+def test_seeds_of_one_setting_have_a_curve_each_their_mean_and_a_band() -> None:
+    one, other = Line("opened", [1.0, 2.0], [0.0, 0.5]), Line("opened", [1.0, 2.0, 3.0], [1.0, 0.5, 0.5])
+    chart = lines("title", "steps", [one, other, Line("grasped", [1.0, 3.0], [0.2, 0.2])])
+    assert chart.count("<polygon") == 1 and len(re.findall("<path[^>]*fill='none'", chart)) == 2 + 1 + 1
+    (points,) = re.findall("<polygon points='([^']+)'", chart)
+    corners = [tuple(map(float, point.split(","))) for point in points.split()]
+    up, down = corners[:3], corners[3:][::-1]
+    assert up[0][1] < down[0][1] and up[1:] == down[1:], "the band is 0 to 1, then a line"
+    (mean,) = [path for path in re.findall("<path d='(M[^']+)'[^>]*stroke-width='1.8'", chart) if path.count("L") == 2]
+    assert float(mean[1:].split("L")[0].split()[1]) == pytest.approx((up[0][1] + down[0][1]) / 2, abs=0.11)
 
 
 def test_a_validation_report_shows_numbers_against_bounds(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from s2a.language.do.episode import ExecutionConfig, Skills, execute, tasks_of
 from s2a.language.do.plan import check_sentence
 from s2a.language.do.rules import rules
 from s2a.language.do.run import Result, RoomContext, do
+from s2a.learn.rl.policy_file import PolicyFile
 from s2a.motion.trajectory import PlannerConfig
 from s2a.robot import Robot
 from s2a.scene.usd import descriptive, sim_stage
@@ -51,6 +52,7 @@ class Config:
         tasks: files of further tasks, each a skill by the name of its file (docs/new_task.md).
         skills: the task of each skill, and the thresholds of its metrics.
         planner: the planner's motion.
+        policy: that does the skills of its task in the planner's place: an .onnx, or pretrained, which opens; null: none does.
         camera: how images are taken.
     """
 
@@ -71,6 +73,7 @@ class Config:
     tasks: tuple[Path, ...]
     skills: Skills
     planner: PlannerConfig
+    policy: Path | None
     camera: CameraConfig
 
 
@@ -112,7 +115,11 @@ def _executor(config: Config, room: sim_stage.SimRoom) -> Any:
         config.skills,
         config.planner,
         config.camera,
+        PolicyFile(config.policy) if config.policy else None,
     )
+    known = {each.task.name for each in vars(config.skills).values()}
+    if settings.policy and settings.policy.world and (task := settings.policy.world[1].name) not in known:
+        raise InputError(f"policy {config.policy}: of task {task}, and the skills are of {', '.join(sorted(known))}")
 
     def executor(skill: Any, state: Any, number: int) -> Any:
         image = None

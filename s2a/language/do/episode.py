@@ -20,6 +20,8 @@ from s2a.core.bounds import CountFromZero
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, temporary_folder
 from s2a.language.do.plan import Skill
+from s2a.learn.evaluate import Policy
+from s2a.learn.rl.policy_file import PolicyFile
 from s2a.motion.obstacles import Obstacles
 from s2a.motion.open import plan_letting_go
 from s2a.motion.policy import Planner
@@ -35,7 +37,7 @@ from s2a.scene.usd.sim_scene import Articulation, Collider, Quat, SimBody, SimRo
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage, axis_of
-from s2a.tasks.base import Task
+from s2a.tasks.base import MdpConfig, Task
 from s2a.tasks.env import VecEnv
 
 
@@ -71,6 +73,7 @@ class ExecutionConfig:
         skills: their tasks, as the key `skills`.
         planner: the planner's motion.
         camera: of the images.
+        policy: that does the skills of its task in the planner's place, in the world in which it was trained; None: none does.
     """
 
     robot: str
@@ -80,6 +83,12 @@ class ExecutionConfig:
     skills: Any
     planner: PlannerConfig
     camera: CameraConfig
+    policy: PolicyFile | None = None
+
+    def policy_of(self, task: MdpConfig) -> PolicyFile | None:
+        """Return the policy where it does a task; one that does not say of which it is opens."""
+        world = self.policy.world if self.policy else None
+        return self.policy if task.name == (world[1].name if world else "open_part") else None
 
 
 @dataclass(frozen=True)
@@ -257,25 +266,31 @@ def _episode(
     settings = getattr(config.skills, skill.skill)
     task = tasks.task(settings.task.name)
     opened = opened_by(room, state).get(skill.part or "", 0.0)
-    mdp = task.requested(settings.task, (skill.support or skill.part) if skill.object else None, opened)
+    policy, physics, mdp = config.policy_of(settings.task), config.sim, settings.task
+    if policy:
+        physics, mdp = policy.worlds(physics, mdp)
+        mdp = replace(mdp, episode_steps=settings.task.episode_steps)
+    mdp = task.requested(mdp, (skill.support or skill.part) if skill.object else None, opened)
     now = at_state(room, state)
     also = riders(now, skill.part) if skill.part and not skill.object else []
     stage = task.read_stage(path, skill.object or skill.part, config.robot, also, mdp, config.planner)
-    sim = Simulation(stage, config.sim, 1, device_of(config.device))
+    sim = Simulation(stage, physics, 1, device_of(config.device))
     env = tasks.make_env(sim, mdp, settings.metrics, {}, config.seed)
-    planner = _planner(skill, env, config, room, state, record)
-    env.lengthen(planner.episode_steps)
+    record["policy"] = policy.name if policy else "planner"
+    actor: Policy = policy.bound(env) if policy else _planner(skill, env, config, room, state, record)
+    if isinstance(actor, Planner):
+        env.lengthen(actor.episode_steps)
     env.reset_all()
     offsets = {i: 0.0 if i in own else q for i, q in state.joints.items()}
     began = _read(sim, stage, offsets)
     _refuse_jump(skill, room, state, began)
     record["began"] |= {**began.plain(), "arm": "at home, with start noise", "base": _rounded(stage.base)}
-    metrics, ended = _simulate(env, planner, sim, stage, offsets, image, config)
+    metrics, ended = _simulate(env, actor, sim, stage, offsets, image, config)
     after = state.with_(ended)
     metric = task.RESULTS.success
     success = metrics[metric] == 1.0
     record |= {"ended": ended.plain(), "metric": metric, "metrics": metrics}
-    return Outcome(success, "" if success else _missed(skill, metric, metrics), after)
+    return Outcome(success, "" if success else _missed(skill, task, metrics), after)
 
 
 def _planner(
@@ -313,7 +328,7 @@ def refuse_collision(stage: SimStage, moved: Collection[str], spec: RobotSpec, a
 @torch.inference_mode()
 def _simulate(
     env: VecEnv,
-    planner: Planner,
+    actor: Policy,
     sim: Simulation,
     stage: SimStage,
     offsets: dict[str, float],
@@ -323,7 +338,7 @@ def _simulate(
     """Step until the episode ends; return the task's metrics, and the state one control step before the end."""
     ended, pose = _read(sim, stage, offsets), sim.joint_q[0].clone()
     for _ in range(env.max_episode_length):
-        env.step(planner(env.observation.clone()))
+        env.step(actor(env.observation.clone()))
         if env.done[0]:  # the world has been reset
             break
         ended, pose = _read(sim, stage, offsets), sim.joint_q[0].clone()
@@ -365,10 +380,13 @@ def riders(room: SimRoom, part: str) -> list[str]:
     return [i for i, body in room.free.items() if np.all((low <= body.position) & (np.array(body.position) <= high))]
 
 
-def _missed(skill: Skill, metric: str, metrics: dict[str, float]) -> str:
-    """Return why a skill does not count as done."""
-    values = ", ".join(f"{name} {value:g}" for name, value in metrics.items())
-    return f"{skill.words} was simulated, and {metric} does not hold ({values})."
+def _missed(skill: Skill, task: type[Task], metrics: dict[str, float]) -> str:
+    """Return why a skill does not count as done: the metric, and the values; the record has all metrics."""
+    values = ", ".join(f"{name.replace('_', ' ')} {metrics[name]:g}" for name in task.RESULTS.values)
+    failed = [name for name in task.RESULTS.rates if name in task.RESULTS.logged and not metrics[name]]
+    return (
+        f"{skill.words} was simulated, and {task.RESULTS.success} does not hold ({values}; not: {', '.join(failed)})."
+    )
 
 
 def _rounded(values: np.ndarray) -> list[float]:

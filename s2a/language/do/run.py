@@ -92,7 +92,7 @@ class Checker:
         near = Obstacles.of_room(self._room, {object.id}, np.array(self._room.free[object.id].position))
         if not near.hulls_of(support.id):
             raise ValidationFeedback(
-                f"{support.id!r} has no collision hulls within 2 m of {object.id!r}: out of reach."
+                f"{object.id!r} cannot be put on {support.id!r} by an arm that stands still: it is more than 2 m away."
             )
         self._near(object, support)
         self._on[object.id] = support.id

@@ -16,6 +16,8 @@ from s2a.tasks.state import ERRORS
 RECENT = 0.999
 """Factor a control step by which finished episodes count less in the logged rates: about two episodes' length."""
 
+TERM = "rew_"
+"""Prefix of the reward terms among what is logged."""
 TEACHER = "teacher"
 """Name of the teacher's actions among the observations."""
 
@@ -157,5 +159,5 @@ class RslRlEnv(RslRlVecEnv):
         terms = (self._terms / self._log_every).unbind()
         self._terms = torch.zeros_like(self._terms)
         logged = (*task.RESULTS.logged, *task.RESULTS.values, *ERRORS)
-        rates = {f"/{name}": recent[name] / recent["episodes"] for name in logged}
-        return rates | {f"/term/{name}": mean for name, mean in zip(task.REWARDS, terms, strict=True)}
+        rates = {name: recent[name] / recent["episodes"] for name in logged}  # rsl_rl's logger: Episode/NAME
+        return rates | {f"{TERM}{name}": mean for name, mean in zip(task.REWARDS, terms, strict=True)}

@@ -1,11 +1,13 @@
-"""A trained policy as one ONNX file with its world: any run's export, or the bundled one."""
+"""A trained policy as one ONNX file with its world: any run's export, the bundled one, or a network from elsewhere."""
 
 from __future__ import annotations
 
+import copy
 import json
 import logging
+import shutil
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +26,7 @@ from s2a.tasks.env import VecEnv
 if TYPE_CHECKING:
     import onnxruntime
 
+_log = logging.getLogger(__name__)
 PRETRAINED = "pretrained"
 """Names the policy that comes with s2a."""
 NORMALIZER_EPS = 1e-2
@@ -35,42 +38,118 @@ WORLD = "s2a.world"
 
 
 class PolicyFile:
-    """A policy as `s2a train export=true` writes it.
+    """A policy as `s2a train export=true` and `wrap` write it, or a network's plain export.
 
     Attributes:
         name: of the file.
-        world: how physics is stepped and what the robot has to do where it was trained.
+        world: how physics is stepped and what the robot has to do where it was trained; None: the file does not say.
     """
 
     def __init__(self, path: Path) -> None:
         """Open a file, or the one that comes with s2a where `path` is "pretrained".
 
         Raises:
-            InputError: there is no such file, it is no ONNX file, or none that s2a wrote.
+            InputError: there is no such file, it is no ONNX file, or its metadata are of another version.
         """
         file = _found(path)
         self.name = PRETRAINED if str(path) == PRETRAINED else file.name
         self._session = _opened(file)
         metadata = self._session.get_modelmeta().custom_metadata_map
-        if WORLD not in metadata:
-            raise InputError(f"{file}: does not say in which world it was trained; export it again from its run")
-        self.world: tuple[SimConfig, MdpConfig] = world_of(metadata[WORLD], file)
+        self.world: tuple[SimConfig, MdpConfig] | None = None
+        if WORLD in metadata:
+            self.world = world_of(metadata[WORLD], file)
+
+    def worlds(self, sim: SimConfig, task: MdpConfig) -> tuple[SimConfig, MdpConfig]:
+        """Return the file's world, or, with a warning, these settings where it says nothing of it."""
+        if self.world is None:
+            text = (
+                "policy %s: does not say in which world it was trained; it acts in that of the keys sim and task (%s)"
+            )
+            _log.warning(text, self.name, "api.export_policy writes a file that does")
+        return self.world or (sim, task)
 
     def bound(self, env: VecEnv) -> Callable[[torch.Tensor], torch.Tensor]:
-        """Return the mean action [world action] for an observation [world observation]; InputError where they do not fit."""
-        (given,), (actions,) = self._session.get_inputs(), self._session.get_outputs()
-        fits = (env.observation.shape[1], env.num_actions)
-        if (given.shape[1], actions.shape[1]) != fits:
-            raise InputError(
-                f"policy {self.name}: for {given.shape[1]} observations and {actions.shape[1]} actions; this robot and task have "
-                f"{fits[0]} and {fits[1]}"
-            )
+        """Return the mean action [world action] for an observation [world observation].
+
+        Raises:
+            InputError: the network does not take these observations, or gives something else than these actions.
+        """
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        fits = f"policy {self.name}: {expected(env)}"
+        if len(inputs) != 1:
+            raise InputError(f"{fits}; it has the inputs {', '.join(each.name for each in inputs)}: export it with one")
+        kind = np.float64 if inputs[0].type == "tensor(double)" else np.float32
 
         def act(observation: torch.Tensor) -> torch.Tensor:
-            seen = observation.cpu().numpy().astype(np.float32, copy=False)
-            return torch.from_numpy(self._session.run(None, {given.name: seen})[0]).to(observation.device)
+            seen = {inputs[0].name: observation.cpu().numpy().astype(kind, copy=False)}
+            return torch.from_numpy(self._session.run([outputs[0].name], seen)[0]).float().to(observation.device)
 
+        given, wanted = inputs[0].shape, (env.num_envs, env.observation.shape[1])
+        if len(given) != 2 or given[1] not in (wanted[1], None) and not isinstance(given[1], str):
+            raise InputError(f"{fits}; it takes {_shape(given)}")
+        if isinstance(given[0], int) and given[0] != env.num_envs:
+            raise InputError(f"{fits}; it takes {given[0]} at a time: export it with a dynamic first axis")
+        try:
+            action = act(torch.zeros(wanted))
+        except Exception as error:  # of onnxruntime, which has no class of its own for them
+            raise InputError(f"{fits}; it fails on them ({str(error).splitlines()[0]})") from error
+        if action.shape != (env.num_envs, env.num_actions):
+            raise InputError(f"{fits}; it gives {_shape(action.shape)}")
         return act
+
+
+def expected(env: VecEnv) -> str:
+    """Return in words what a policy has to take and to give in an environment."""
+    taken, given = env.observation.shape[1], env.num_actions
+    return f"this robot and task give [world {taken}] observations and take [world {given}] actions"
+
+
+def _shape(shape: Sequence[object]) -> str:
+    return f"[{' '.join(map(str, shape))}]"
+
+
+def wrap(network: nn.Module | Path, out: Path, env: VecEnv) -> Path:
+    """Write a network from elsewhere as a policy file, which says in which world it was trained.
+
+    Args:
+        network: a torch module that takes observations [world observation], float32, and returns the mean action
+            [world action], which the environment clamps to [-1, 1]; or an ONNX file of one.
+        out: the ONNX file to write.
+        env: in which it was trained, or another one with the same settings.
+
+    Raises:
+        InputError: the network fails on an observation of the environment, or gives something else than its actions; no file
+            is written.
+    """
+    if out.suffix != ".onnx":
+        raise InputError(f"out {str(out)!r}: a policy file ends in .onnx: give {out.with_suffix('.onnx')}")
+    with atomic_write(out) as file:
+        if isinstance(network, nn.Module):
+            module = copy.deepcopy(network).cpu().float().eval()
+            _refuse_misfit(module, env)
+            _write_graph(module, env.observation.shape[1], file)
+        else:
+            _opened(_found(network))
+            shutil.copyfile(network, file)
+        _write_world(file, run_folder.world_json(env.sim.config, env.task.config))
+        PolicyFile(file).bound(env)
+    return out
+
+
+def _refuse_misfit(module: nn.Module, env: VecEnv) -> None:
+    """Raise InputError where a module on the CPU does not give actions for an environment's observations."""
+    observation = env.observation.cpu().float()
+    try:
+        with torch.no_grad():
+            action = module(observation)
+    except Exception as error:  # whatever a user's module raises
+        why = (str(error) or type(error).__name__).splitlines()[0]
+        raise InputError(f"network: {expected(env)}; it fails on {_shape(observation.shape)} ({why})") from error
+    if not isinstance(action, torch.Tensor) or action.shape != (env.num_envs, env.num_actions):
+        given = _shape(action.shape) if isinstance(action, torch.Tensor) else type(action).__name__
+        raise InputError(f"network: {expected(env)}; it gives {given} for {_shape(observation.shape)}")
+    if not action.isfinite().all():
+        raise InputError("network: its actions are not finite for an observation of this environment")
 
 
 def _found(path: Path) -> Path:
@@ -112,7 +191,12 @@ def _opened(file: Path) -> onnxruntime.InferenceSession:
 
 
 def annotate(file: Path, world: Path) -> None:
-    """Write into an ONNX file's metadata in which world it was trained, where a world.json says it.
+    """Write into an ONNX file's metadata in which world it was trained, where a world.json says it."""
+    _write_world(file, world.read_text() if world.is_file() else None)
+
+
+def _write_world(file: Path, world: str | None) -> None:
+    """Write the text of a world.json into an ONNX file's metadata.
 
     What torch's exporter notes of each node is removed: among it are the paths of the source that made it.
     """
@@ -121,8 +205,9 @@ def annotate(file: Path, world: Path) -> None:
     model = onnx.load(file)
     for node in model.graph.node:
         node.ClearField("metadata_props")
-    if world.is_file():
-        onnx.helper.set_model_props(model, {WORLD: json.dumps(json.loads(world.read_text()))})
+    if world is not None:
+        others = {each.key: each.value for each in model.metadata_props}
+        onnx.helper.set_model_props(model, others | {WORLD: json.dumps(json.loads(world))})
     onnx.save(model, file)
 
 
@@ -138,20 +223,34 @@ def export(model: nn.Module, checkpoint: Path) -> list[Path]:
     script, graph = checkpoint.with_suffix(".torchscript"), checkpoint.with_suffix(".onnx")
     with atomic_write(script) as out:
         torch.jit.script(model.as_jit().cpu().eval()).save(str(out))
-    with atomic_write(graph) as out, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of torch's exporter about torch itself
-        logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+    with atomic_write(graph) as out:
         onnx = model.as_onnx(verbose=False).cpu().eval()
-        torch.onnx.export(
-            onnx,
-            (torch.zeros(2, onnx.input_size),),
-            str(out),
-            input_names=["obs"],
-            output_names=["actions"],
-            opset_version=18,
-            dynamic_shapes=({0: torch.export.Dim("world")},),
-            external_data=False,
-            verbose=False,
-        )
+        _write_graph(onnx, onnx.input_size, out)
         annotate(out, checkpoint.parent / run_folder.FILE)
     return [script, graph]
+
+
+def _write_graph(module: nn.Module, observations: int, out: Path) -> None:
+    """Write a module on the CPU, which takes observations of a length, as ONNX for any number of worlds.
+
+    Raises:
+        InputError: torch cannot export it.
+    """
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of torch's exporter about torch itself
+        try:
+            torch.onnx.export(
+                module,
+                (torch.zeros(2, observations),),
+                str(out),
+                input_names=["obs"],
+                output_names=["actions"],
+                opset_version=18,
+                dynamic_shapes=({0: torch.export.Dim("world")},),
+                external_data=False,
+                verbose=False,
+            )
+        except Exception as error:  # of torch.export, of many classes
+            why = (str(error) or type(error).__name__).strip().splitlines()[0]
+            raise InputError(f"network: torch cannot export it as ONNX ({why}); give an ONNX file of it") from error

@@ -12,6 +12,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,11 @@ from torch import nn
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.core.progress import track
+from s2a.core.progress import is_terminal, note, track
 from s2a.learn.evaluate import rate, run_episodes
 from s2a.learn.rl import config as processes
 from s2a.learn.rl import policy_file, run_folder
-from s2a.learn.rl.adapter import RslRlEnv
+from s2a.learn.rl.adapter import TERM, RslRlEnv
 from s2a.learn.rl.config import BROKEN, PpoConfig, rsl_rl_settings
 from s2a.learn.rl.run_folder import ADDED, BEST
 from s2a.motion.policy import Planner
@@ -118,14 +119,36 @@ class LazyLogger(Logger):
         self._kept.append((done, reward, length))
         self.cur_reward_sum, self.cur_episode_length = (x.masked_fill(done, 0.0) for x in (reward, length))
 
-    def log(self, *args: Any, **kwargs: Any) -> None:
-        """Take over the episodes that have ended, in their order, and log."""
+    def log(
+        self,
+        it: int,
+        start_it: int,
+        total_it: int,
+        collect_time: float,
+        learn_time: float,
+        *args: Any,
+        **kwargs: Any,
+    ) -> None:
+        """Take over the episodes that have ended, in their order, and log; where nobody sees a bar, with a line on stderr."""
         if self._kept:
             done, reward, length = (torch.stack(x) for x in zip(*self._kept, strict=True))
             self._kept.clear()
             self.rewbuffer.extend(reward[done].tolist())
             self.lenbuffer.extend(length[done].tolist())
-        super().log(*args, **kwargs)
+        rates = {name: float(value) for name, value in (self.ep_extras[-1] if self.ep_extras else {}).items()}
+        super().log(it, start_it, total_it, collect_time, learn_time, *args, **kwargs)
+        if self.writer is not None and not is_terminal():
+            note(
+                f"train: iteration {it + 1} of {total_it}; {self._line(rates, collect_time + learn_time, total_it - it - 1)}"
+            )
+
+    def _line(self, rates: Mapping[str, float], seconds: float, left: int) -> str:
+        """Return an iteration that took some seconds in words: reward, the first rates, speed, time for those that are left."""
+        episodes = f"reward {sum(self.rewbuffer) / len(self.rewbuffer):.4g}" if self.rewbuffer else "no episode ended"
+        known = [(name, rate) for name, rate in rates.items() if math.isfinite(rate) and not name.startswith(TERM)]
+        steps = self.cfg["num_steps_per_env"] * self.num_envs * self.gpu_world_size / max(seconds, 1e-9)
+        shown = [f"{name} {rate:.3g}" for name, rate in known[:2]]
+        return ", ".join([episodes, *shown, f"{steps:.0f} steps/s", f"{timedelta(seconds=round(seconds * left))} left"])
 
 
 class Runner(OnPolicyRunner):
@@ -363,7 +386,8 @@ def train(
         with atomic_write(out / "policy.json") as file:
             file.write_text(json.dumps(asdict(config), indent=1))
     todo = max(0, config.iterations - first)
-    steps = iter(track(range(todo * config.num_steps_per_env), "train") if lead else range(0))
+    all_steps = range(todo * config.num_steps_per_env)  # of which a log has a line an iteration
+    steps = iter(track(all_steps, "train") if lead and is_terminal() else all_steps)
     with Path(out / "train.log" if lead else os.devnull).open("a") as log, contextlib.redirect_stdout(log):
         each = config.num_steps_per_env
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 import logging
 import math
+import re
 import shutil
 import time
 import zipfile
@@ -187,13 +188,17 @@ def cut(out: Path, first: int) -> None:
 
 
 def curve(out: Path) -> list[dict[str, float]]:
-    """Return what TensorBoard logged of episodes, a row an iteration: rates and values by name, and the mean reward."""
+    """Return what TensorBoard logged of episodes, a row an iteration: rates and values by name, and the mean reward.
+
+    Runs of earlier versions have tags that begin with a slash.
+    """
     events = EventAccumulator(str(out), size_guidance={"scalars": 0}).Reload()
-    tags = {tag.removeprefix("/"): tag for tag in events.Tags()["scalars"] if tag.startswith("/")}
+    tags = {tag: re.fullmatch(r"(?:Episode)?/(?!rew_|term/)(.+)", tag) for tag in events.Tags()["scalars"]}
     rows: dict[int, dict[str, float]] = {}
-    for name, tag in (tags | {"reward": "Train/mean_reward"}).items():
-        for event in events.Scalars(tag) if tag in events.Tags()["scalars"] else ():
-            if math.isfinite(event.value) and not name.startswith("term/"):
+    for tag, match in tags.items():
+        name = match[1] if match else "reward" if tag == "Train/mean_reward" else ""
+        for event in events.Scalars(tag) if name else ():
+            if math.isfinite(event.value):
                 rows.setdefault(event.step, {"iteration": event.step})[name] = event.value
     return [rows[i] for i in sorted(rows)]
 

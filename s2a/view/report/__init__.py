@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+import yaml
+
 from s2a.core.errors import InputError
 from s2a.scene import artefacts
 from s2a.scene.artefacts import Artefact, values
@@ -17,7 +19,16 @@ T = TypeVar("T")
 RUNS = ("*", "*/*", "*/*/*")
 """Where the runs of a sweep lie in its folder."""
 RECORD = "report.json"
-DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, ZeroDivisionError, RecursionError)
+DAMAGE = (
+    KeyError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    IndexError,
+    ZeroDivisionError,
+    RecursionError,
+    yaml.YAMLError,
+)
 """What values of other types, or missing ones, raise while a page is made of them."""
 
 
@@ -57,7 +68,20 @@ def _runs(path: Path) -> list[Path]:
 
 def _sweep(path: Path) -> Document:
     runs = {str(folder.relative_to(path)): _whole(folder, results.of_folder) for folder in _runs(path)}
-    return results.compare(f"Sweep {path.name}", results.differing(runs))
+    given = {name: _overrides(path / name) for name in runs}
+    swept = {name: values for name, values in given.items() if values is not None}
+    rows = results.differing(runs, swept if len(swept) == len(runs) else {})
+    count = len({run.name for run in rows})
+    return results.compare(f"{path.name}: {count} settings, {len(rows)} trainings", rows)
+
+
+def _overrides(run: Path) -> dict[str, str] | None:
+    """Return the keys that the command line gave to a job of a sweep, as Hydra keeps them beside its run; None: it does not."""
+    file = run.parent / ".hydra/overrides.yaml"
+    if not file.is_file():
+        return None
+    pairs = (str(each).lstrip("+~").partition("=") for each in yaml.safe_load(file.read_text()))
+    return {key: value for key, _, value in pairs}
 
 
 def _metrics(path: Path) -> Document:

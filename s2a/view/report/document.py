@@ -7,6 +7,7 @@ import html
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 from s2a.core.errors import InputError
@@ -193,7 +194,7 @@ def lines(title: str, x_title: str, series: Sequence[Line], unit: float = 1.0, t
     Args:
         title: above it.
         x_title: of the horizontal axis.
-        series: the lines.
+        series: the lines; of those of one name, such as seeds of a training, mean and range are drawn too.
         unit: that values are divided by, 0.01 for percent.
         top: of the vertical axis; None: the largest value.
     """
@@ -207,14 +208,35 @@ def lines(title: str, x_title: str, series: Sequence[Line], unit: float = 1.0, t
     colour = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
     scale = _Scale(x_ticks, y_ticks)
     paths = "".join(
-        f"<path d='{scale.path(line, unit)}' fill='none' stroke='{colour[line.name]}' stroke-width='1.8'/>"
-        for line in drawn
+        _strokes([line for line in drawn if line.name == name], colour[name], scale, unit) for name in names
     )
     legend = "".join(f"<span><i style='background:{colour[name]}'></i>{text(name)}</span>" for name in names)
     return (
         f"<figure><figcaption>{text(title)}</figcaption><div class='legend'>{legend}</div>"
         f"<svg viewBox='0 0 {WIDTH} {HEIGHT}' role='img' font-size='13' fill='#57606a'>"
         f"{scale.axes(x_title)}{paths}</svg></figure>"
+    )
+
+
+def _strokes(seeds: Sequence[Line], colour: str, scale: _Scale, unit: float) -> str:
+    """Return the lines of one name as paths; several are thin, with their mean, and a band from the lowest to the highest."""
+    if len(seeds) == 1:
+        return f"<path d='{scale.path(seeds[0], unit)}' fill='none' stroke='{colour}' stroke-width='1.8'/>"
+    thin = "".join(
+        f"<path d='{scale.path(line, unit)}' fill='none' stroke='{colour}' stroke-width='.7' opacity='.6'/>"
+        for line in seeds
+    )
+    longest = max(seeds, key=lambda line: len(line.x))
+    columns = [
+        [y for y in each if y is not None and math.isfinite(y)] for each in zip_longest(*(line.y for line in seeds))
+    ]
+    points = [(x, column) for x, column in zip(longest.x, columns, strict=True) if column]
+    band = [(x, max(column)) for x, column in points] + [(x, min(column)) for x, column in reversed(points)]
+    edge = " ".join(f"{px:.1f},{py:.1f}" for px, py in (scale.place(x, y / unit) for x, y in band))
+    mean = Line(longest.name, [x for x, _ in points], [_mean(column) for _, column in points])
+    return (
+        f"<polygon points='{edge}' fill='{colour}' opacity='.15'/>{thin}"
+        f"<path d='{scale.path(mean, unit)}' fill='none' stroke='{colour}' stroke-width='1.8'/>"
     )
 
 

@@ -23,12 +23,14 @@ NAMES = {
     "off_handle_success": "a finger beside the handle",
     "body_success": "pushed by another link",
 }
-"""Rates in words; others are shown by their names."""
+"""Rates in words; others are shown by their meanings, where a file has them, or names."""
 BY_GROUP = ("success", "grasp_success")
 """Rates that are shown by groups of parts, where a result has them."""
 GROUPS = {"kind": "kind of joint", "handle": "handle", "room": "room"}
 NEVER = 0.05
 """Fraction of the episodes up to which a part counts as never opened."""
+LENGTHS = ("success", "open_30cm", "open_75pct_static", "open_95pct", "closed", "drift", "disturbance")
+"""Thresholds in metres."""
 BEFORE_AFTER = ("before.png", "after.png")
 
 
@@ -38,9 +40,20 @@ def is_rate(value: object) -> bool:
 
 
 def rates(values: Mapping[str, Any]) -> str:
-    """Return a table of the fractions with intervals among some values."""
-    rows = [(NAMES.get(name, name), *_interval(value)) for name, value in values.items() if is_rate(value)]
-    return table(("", "", "rate [95 %]"), rows)
+    """Return a table of the fractions with intervals among some values; of an evaluation without those beyond its plan."""
+    shown = {
+        name: value for name, value in values.items() if is_rate(value) and name not in values.get("beyond_plan", ())
+    }
+    rows = [(_words(name, values), *_interval(value)) for name, value in shown.items()]
+    note = ""
+    if beyond := values.get("beyond_plan"):
+        note = f"<p>Not reachable by the plan (planner.opening): {text(', '.join(beyond))}.</p>"
+    return table(("", "", "rate [95 %]"), rows) + note
+
+
+def _words(name: str, values: Mapping[str, Any]) -> str:
+    """Return the name of a metric in words."""
+    return NAMES.get(name) or (values.get("meanings") or {}).get(name, "").split(". ")[0].rstrip(".") or name
 
 
 def provenance(values: Mapping[str, Any]) -> str:
@@ -54,16 +67,17 @@ def evaluation(values: Mapping[str, Any], path: Path) -> Document:
     """Return the report of one evaluation, with the images that lie beside it."""
     sections = [("Rates", rates(values))]
     if numbers := [
-        (name, *(float(value[key]) for key in ("mean", "min", "max")))
+        (_words(name, values), *(float(value[key]) for key in ("mean", "min", "max")))
         for name, value in values.items()
         if isinstance(value, dict) and {"mean", "min", "max"} <= value.keys()
     ]:
         sections.append(("Numbers", table(("", "mean", "min", "max"), numbers)))
     if use := values.get("limit_use"):
         shown = [(name.replace("_", " "), f"{100 * float(value):.0f} %") for name, value in use.items()]
-        sections.append(("The robot's limits, used at most", table(("", "of the limit"), shown)))
+        sections.append(("Peak use of the robot's limits", table(("", "of the limit"), shown)))
     if thresholds := values.get("thresholds"):
-        sections.append(("Thresholds", facts(thresholds)))
+        lengths = {f"{name} [m]" if name in LENGTHS else name: value for name, value in thresholds.items()}
+        sections.append(("Thresholds", facts(lengths)))
     if over := values.get("over_parts"):
         sections += _over_parts(over, values["parts"])
     if shown_images := [path.with_name(name) for name in BEFORE_AFTER if path.with_name(name).is_file()]:
@@ -422,29 +436,36 @@ def report(run: Run) -> Document:
 
 
 def compare(name: str, runs: Sequence[Run]) -> Document:
-    """Return the page of several runs: those of one name are seeds of one row."""
+    """Return the page of several runs: those of one name are seeds of one row; the paper's figure stands beside measured ones."""
     shown = [column for column in COMPARED if any(is_rate(run.recent.get(column)) for run in runs)]
     rows = []
     for row in dict.fromkeys(run.name for run in runs):
         seeds = [run for run in runs if run.name == row]
         cells = [_percents([run.recent.get(column) for run in seeds]) for column in shown]
-        published = seeds[0].reported
+        published = seeds[0].reported if any(is_rate(run.recent.get("success")) for run in seeds) else None
         paper = f"{published.opened}, handle {published.handle}" if published else ""
         rows.append((row, len(seeds), *cells, Markup(" / ".join(f"{run.millions:.3g}" for run in seeds), "n"), paper))
     header = ("run", "seeds", *(NAMES[column] for column in shown), "steps [millions]", "paper")
     versions = sorted({int(run.about.get("metrics_version") or 1) for run in runs})
     about = f"{len(runs)} runs; metrics version {', '.join(map(str, versions))}; {provenance({**runs[0].about, 'seed': None})}"
-    sections = [("All runs", table(header, rows)), *_beside(runs)]
+    unfinished = [f"{run.name}, seed {run.about.get('seed')}" for run in runs if not is_rate(run.recent.get("success"))]
+    note = f"<p>No rates yet: {text('; '.join(unfinished))}. Too few episodes have ended.</p>" if unfinished else ""
+    sections = [("All runs", table(header, rows) + note), *_beside(runs)]
     for row in dict.fromkeys(run.name for run in runs):
         if drawn := [run for run in runs if run.name == row and len(run.curve.get("env_steps", ())) > 1]:
             sections.append((row, curves(drawn)))
     return Document(name, about, tuple(sections))
 
 
-def differing(named: Mapping[str, Run]) -> list[Run]:
-    """Return runs whose names are the settings in which they differ from each other, the seed aside."""
-    values = {name: dict(leaves(run.settings)) for name, run in named.items()}
-    keys = sorted({key for each in values.values() for key in each})
+def differing(named: Mapping[str, Run], swept: Mapping[str, Mapping[str, object]]) -> list[Run]:
+    """Return runs whose names are the settings in which they differ from each other, the seed aside.
+
+    Args:
+        named: the runs by folder.
+        swept: overrides of the command line, by folder; where they are known for all, they are the settings.
+    """
+    values = {name: dict(swept[name] if name in swept else leaves(run.settings)) for name, run in named.items()}
+    keys = list(dict.fromkeys(key for each in values.values() for key in each))
     free = [key for key in keys if key.split(".")[0] not in (*NOT_SETTINGS, "seed")]
     differ = [key for key in free if len({str(each.get(key)) for each in values.values()}) > 1]
     names = {name: ", ".join(f"{key}={each.get(key)}" for key in differ) for name, each in values.items()}

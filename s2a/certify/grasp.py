@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,9 +19,10 @@ from s2a.robot.spec import GripperSpec
 from s2a.scan.visuals import visible
 from s2a.scene.geometry.front_panel import fraction_inside
 from s2a.scene.geometry.mesh_ops import keep, merge, sample
-from s2a.scene.geometry.mesh_query import RayMesh, first_hits, ray_mesh
+from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import read_attribute, read_mesh, world_pose
+from s2a.sim.contacts import OPPOSED, touched
 
 MARGIN = 0.002
 """[m] Accuracy of a scan: points nearer to its surface count as occupied."""
@@ -157,8 +159,8 @@ def _near(mesh: Mesh, origin: np.ndarray, reach: float = 0.15) -> bool:
     return bool(((low < origin + reach) & (high > origin - reach)).all())
 
 
-PRESS_FORCE = 1.0
-"""[N] Force with which a finger counts as pressing."""
+PRESS_FORCE, ON_REGION = 1.0, 0.005
+"""[N] Force with which a finger counts as pressing; [m] distance of a contact from the region that it is on. As in the tasks."""
 
 
 @dataclass(frozen=True)
@@ -202,7 +204,7 @@ class GripTest:
     """Result of one attempt.
 
     Attributes:
-        holds: The gripper reached the grasp, both fingers press, and the part did not slip.
+        holds: The gripper reached the grasp, its fingers press on the region from opposed sides, and the part did not slip.
         message: description of the attempt.
         slip: how far the part moved under the pull [m]; None without a pull.
         prim: path of the collider in collision, or of the region.
@@ -289,15 +291,9 @@ def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: Gr
     region = f"/scene/{stage.target}/region"
     grips = "opens" if stage.internal else "closes"
     run(config.close_time, 0.0, carried=True)
-    pressing = [_presses(world, data, finger) for finger in world.robot.gripper.links]
-    if not all(pressing):
-        missing = "neither finger presses" if not any(pressing) else "only one finger presses"
-        return GripTest(
-            False,
-            f"the gripper {grips} to {1000 * ratio * data.qpos[fingers].sum():.0f} mm, but {missing}",
-            None,
-            region,
-        )
+    if missing := _missing(world, data):
+        between = f"the gripper {grips} to {1000 * ratio * data.qpos[fingers].sum():.0f} mm, but {missing}"
+        return GripTest(False, between, None, region)
     before, width = float(data.qpos[joint]), ratio * float(data.qpos[fingers].sum())
     run(config.pull_time, pull, config.gear)
     slip = abs(float(data.qpos[joint]) - before) * world.lever_arm
@@ -305,15 +301,39 @@ def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: Gr
     return GripTest(bool(slip <= config.slip), word, slip, region)
 
 
-def _presses(world: MujocoWorld, data: mujoco.MjData, finger: str) -> bool:
-    """Return whether a finger presses on the target."""
-    one, other = set(world.geoms(finger)), set(world.geoms(world.stage.target))
-    total, force = 0.0, np.zeros(6)
+def _missing(world: MujocoWorld, data: mujoco.MjData) -> str:
+    """Return in words why the fingers do not hold the region by the metrics' rule (`is_grasped`); empty where they do."""
+    surface = touched(world.stage)
+    region = ray_mesh(surface.vertices, surface.faces)
+    pressed, normals = np.zeros(2), np.zeros((2, 3))
+    for k, finger in enumerate(world.robot.gripper.links):
+        for at, normal, force in _contacts(world, data, finger):
+            if nearest_faces(region, at[None], ON_REGION)[0][0] >= 0:
+                pressed[k] += force
+                normals[k] += force * normal
+    if (pressed < PRESS_FORCE).any():
+        return (
+            f"{'neither finger presses' if (pressed < PRESS_FORCE).all() else 'only one finger presses'} on the region"
+        )
+    cosine = float(normals[0] @ normals[1] / np.linalg.norm(normals, axis=1).prod())
+    if cosine < OPPOSED:
+        return ""
+    apart, needed = (math.degrees(math.acos(min(max(each, -1.0), 1.0))) for each in (cosine, OPPOSED))
+    return f"the forces of its fingers are {apart:.0f} degrees apart, less than {needed:.0f}"
+
+
+def _contacts(world: MujocoWorld, data: mujoco.MjData, finger: str) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+    """Yield a finger's contacts with the target: place in its body's frame [m], direction of the force on it, force [N]."""
+    one, other, force = set(world.geoms(finger)), set(world.geoms(world.stage.target)), np.zeros(6)
     for i, contact in enumerate(data.contact):
-        if (contact.geom1 in one and contact.geom2 in other) or (contact.geom2 in one and contact.geom1 in other):
-            mujoco.mj_contactForce(world.mj, data, i, force)
-            total += force[0]
-    return total > PRESS_FORCE
+        first, second = contact.geom1, contact.geom2
+        if not ((first in one and second in other) or (second in one and first in other)):
+            continue
+        mujoco.mj_contactForce(world.mj, data, i, force)
+        body = world.mj.geom_bodyid[second if second in other else first]
+        at = (contact.pos - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
+        # The force acts on the second geom, along the frame's first row from the first to the second.
+        yield at, contact.frame[:3] * (1.0 if second in other else -1.0), float(force[0])
 
 
 def _gripper_pose(world: MujocoWorld, q: float, inwards: float) -> np.ndarray:

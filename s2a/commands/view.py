@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from s2a.core.bounds import AtLeast, Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write, require_png
 from s2a.core.progress import report
-from s2a.scan.visuals import Visible, tree, visible
+from s2a.scan.visuals import Visible, fitted, tree, visible
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.scene.geometry.mesh_ops import merge, painted
 from s2a.scene.scene import Mesh
@@ -99,7 +100,7 @@ def run(config: Config) -> str:
     if room and config.html:
         outputs.append(_recording(room, config, config.html))
     if config.text or (config.text is None and not config.image and not room):
-        outputs.append(tree(config.path))
+        outputs.append(fitted(tree(config.path), shutil.get_terminal_size((120, 24)).columns))
     if room and config.page:
         _serve(room, config)
     elif not outputs:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import math
+import re
+import textwrap
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -116,6 +118,17 @@ def tree(path: Path) -> str:
         return row.tree(path)
     assert row.room is not None
     return _print(_scene_tree(row.room(path)))
+
+
+def fitted(text: str, columns: int) -> str:
+    """Return the text of a tree in lines of so many columns; what is longer goes on below its branch."""
+    lines = []
+    for line in text.splitlines():
+        branch, label = re.match(r"((?:[│ ]   )*(?:[├└]── )?)(.*)", line).groups()  # type: ignore[union-attr]
+        below = branch.replace("├──", "│  ").replace("└──", "   ") + "    "
+        words = textwrap.wrap(label, max(20, columns - len(below)), break_long_words=False, break_on_hyphens=False)
+        lines += [line] if len(line) <= columns else [branch + words[0], *(below + each for each in words[1:])]
+    return "\n".join(lines)
 
 
 def motion_text(joint: Joint) -> str:

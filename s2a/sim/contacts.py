@@ -17,6 +17,8 @@ from s2a.sim.world import SimStage
 LEFT, RIGHT, LINK, PART = (wp.constant(i) for i in range(4))
 """What a collider belongs to: a finger, any other link of the robot, the body that is watched; -1 for anything else."""
 
+OPPOSED = -0.5
+"""Cosine between the forces of both fingers below which they pinch: more than 120 degrees apart."""
 SECTION = 0.03
 """[m] A handle's section is no thicker, so that its unseen side is no farther from the seen one."""
 

@@ -189,9 +189,9 @@ def stage_of(
     bases = articulation.bases
     robot = robot or (DEFAULT_ROBOT if DEFAULT_ROBOT in bases or not bases else next(iter(bases)))
     if robot not in bases:
-        robots = ", ".join(bases) or "none"
+        others = f", but for: {', '.join(bases)}; give robot={next(iter(bases))}" if bases else ""
         raise InputError(
-            f"{path}: part {target!r} has no base pose for robot {robot!r}, but for: {robots}; run s2a prepare"
+            f"{path}: part {target!r} has no base pose for robot {robot!r}{others}, or run s2a prepare robot={robot}"
         )
     base, grasp = bases[robot], articulation.grasp
     return SimStage(

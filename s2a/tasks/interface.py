@@ -67,6 +67,7 @@ def _field(term: wp.Function, columns: range, bound: str, setting: str) -> Field
     text = " ".join(first.split())
     unit, frame, own = UNIT.search(text), FRAME.search(text), RANGE.search(text)
     meaning = re.sub(rf",? {FRAME.pattern}|: a unit vector|, {RANGE.pattern}", "", UNIT.sub("", text)).strip(" .:")
+    meaning = meaning[:1].upper() + meaning[1:]
     within = (unit[1] if unit else "", frame[1] if frame else "", own[0] if own else bound)
     return Field(term.key, columns, meaning, *within, setting)
 
@@ -98,11 +99,10 @@ def markdown(kinds: Mapping[str, tuple[type[Task], Any]], robot: RobotSpec, sim:
             new = [field for field in fields if field not in listed]
             again = {other: [f for f in fields if listed.get(f) == other] for other in dict.fromkeys(listed.values())}
             notes = [f"{_columns(some)} as in {other}" for other, some in again.items() if some]
-            notes += ["and:"] if notes and new else []
-            if critic and fields:
-                notes.insert(0, "Only the critic observes:")
-            if notes:
-                yield f"{' '.join(notes).removesuffix(':')}{':' if new else '.'}\n"
+            known = ", ".join(notes) + (" and" if notes and new else "")
+            words = [*(["Only the critic observes"] if critic and fields else []), *([known] if known else [])]
+            if words:
+                yield f"{' '.join(words)}{':' if new else '.'}\n"
             yield from table(new) if new else ()
             listed |= dict.fromkeys(new, name)
     yield f"### Actions of {robot.name}\n"

@@ -281,3 +281,11 @@ def test_a_user_without_a_home_has_one_for_caches(tmp_path: Path):
     )
     assert ran.stdout.splitlines()[-1] == str(tmp_path / f"s2a-{os.getuid()}") and "set HOME" in ran.stderr
     assert not (tmp_path / "~").exists()
+
+
+def test_help_that_was_shown_before_imports_no_command(tmp_path: Path) -> None:
+    code = "import sys; from s2a.commands import cli; cli.main(['check', '--help']); print('s2a.commands.check' in sys.modules)"
+    quiet = os.environ | {"S2A_CACHE": str(tmp_path)}
+    calls = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=quiet) for _ in range(2)]
+    first, second = (call.stdout.rsplit("\n", 2)[:2] for call in calls)
+    assert first == [second[0], "True"] and second[1] == "False" and "scan=(required)" in first[0]

@@ -7,10 +7,12 @@ import random
 from pathlib import Path
 
 import pytest
+import torch
 from drawer_room import drawer_room
 from mutations import mutated_json
 from settings import skills
 
+from s2a import api
 from s2a.commands import cli
 from s2a.core.errors import InputError
 from s2a.language.ask import Answer, UsageLog
@@ -128,3 +130,24 @@ def test_a_drawer_is_opened_and_closed(stage: Path, tmp_path: Path) -> None:
     assert opened["ended"]["joints"]["drawer_2"] > 0.25
     assert abs(closed["began"]["joints"]["drawer_2"] - opened["ended"]["joints"]["drawer_2"]) < 0.001
     assert abs(closed["ended"]["joints"]["drawer_2"]) < 0.01
+
+
+class Still(torch.nn.Module):
+    """A network that never moves."""
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        return 0.0 * observation[:, :9]
+
+
+@pytest.mark.slow
+def test_a_policy_does_the_skills_of_its_task_in_its_own_world(stage: Path, tmp_path: Path) -> None:
+    env = api.make("open_part", stage, num_envs=2, device="cpu", overrides=["sim=real"])
+    policy = api.export_policy(Still(), tmp_path / "still.onnx", env)
+    out, short = tmp_path / "do.json", "skills.open.task.episode_steps=20"
+    assert (
+        s2a("open the drawer", f"stage={stage}", f"out={out}", "llm=rules", f"policy={policy}", short, "device=cpu")
+        == 1
+    )
+    (skill,) = json.loads(out.read_text())["skills"]
+    assert skill["policy"] == "still.onnx" and skill["metrics"]["opening"] < 0.01 and "retreat" not in skill
+    assert "opening 0" in skill["reason"] and len(skill["reason"]) < 250

@@ -120,9 +120,7 @@ def test_a_policy_of_other_widths_is_refused(exported: Path, tmp_path: Path) -> 
 def test_another_robots_or_tasks_observations_are_refused(exported: Path) -> None:
     env = CountingEnv()
     env.observation = torch.zeros(2, 24)
-    with pytest.raises(
-        InputError, match="model_0.onnx: for 23 observations and 9 actions; this robot and task have 24 and 9"
-    ):
+    with pytest.raises(InputError, match=r"model_0.onnx: .* give \[world 24\] observations .*; it takes \[world 23\]"):
         PolicyFile(exported).bound(env)
 
 

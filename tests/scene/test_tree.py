@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from usd_room import room
 
 from s2a import scan
 from s2a.core.errors import InputError
-from s2a.scan.visuals import tree
+from s2a.scan.visuals import fitted, tree
 from s2a.scene.usd import descriptive, geometric
 
 
@@ -45,6 +46,18 @@ def test_the_tree_nests_as_the_labels_do(shapes: str) -> None:
 def test_every_part_has_one_line_and_counts_stand_on_top(shapes: str) -> None:
     assert len(shapes.splitlines()) == 1 + len(room().parts)
     assert shapes.splitlines()[0] == "036bce3393: 12 parts, 4 jointed, 75 vertices, 108 triangles"
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_a_fitted_tree_has_the_same_words_in_lines_that_are_no_longer(shapes: str, columns: int) -> None:
+    text = fitted(shapes, columns)
+    assert max(map(len, text.splitlines())) <= columns
+    assert re.findall(r"[^\s│├└─]+", text) == re.findall(r"[^\s│├└─]+", shapes)
+    assert fitted(shapes, 1000) == shapes
+    lines = text.splitlines()
+    part = next(i for i, each in enumerate(lines) if "── drawer_7 " in each)
+    if columns < 100:
+        assert re.match(r"[│ ]+\S", lines[part + 1]) and "──" not in lines[part + 1], "it goes on below its branch"
 
 
 def test_brackets_in_labels_are_no_markup(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ RANGE = re.compile(r"-?[\d.]+ to [\d.]+|0 or 1|unit vector")
 
 
 @dataclass(frozen=True)
-class Field:
+class TermColumns:
     """Neighbouring columns with one meaning.
 
     Attributes:
@@ -42,7 +42,7 @@ class Field:
     setting: str = ""
 
 
-def observations(kind: type[Task], config: Any, joints: int, critic: bool = False) -> list[Field]:
+def observations(kind: type[Task], config: Any, joints: int, critic: bool = False) -> list[TermColumns]:
     """Return what a policy observes, in the order of its columns.
 
     Args:
@@ -62,17 +62,17 @@ def observations(kind: type[Task], config: Any, joints: int, critic: bool = Fals
     ]
 
 
-def _field(term: wp.Function, columns: range, bound: str, setting: str) -> Field:
+def _field(term: wp.Function, columns: range, bound: str, setting: str) -> TermColumns:
     first = inspect.cleandoc(term.func.__doc__ or "").split("\n\n")[0]
     text = " ".join(first.split())
     unit, frame, own = UNIT.search(text), FRAME.search(text), RANGE.search(text)
     meaning = re.sub(rf",? {FRAME.pattern}|: a unit vector|, {RANGE.pattern}", "", UNIT.sub("", text)).strip(" .:")
     meaning = meaning[:1].upper() + meaning[1:]
     within = (unit[1] if unit else "", frame[1] if frame else "", own[0] if own else bound)
-    return Field(term.key, columns, meaning, *within, setting)
+    return TermColumns(term.key, columns, meaning, *within, setting)
 
 
-def actions(robot: RobotSpec, config: MdpConfig, sim: SimConfig) -> list[Field]:
+def actions(robot: RobotSpec, config: MdpConfig, sim: SimConfig) -> list[TermColumns]:
     """Return what an action of a robot moves, in the order of its columns; all are clamped to -1 to 1."""
     arm, fingers = "velocity of the joint's target", "velocity of the finger joint's target; -1 grips"
     limits, gripper = sim.limits and sim.limits.of(robot.limits), robot.gripper
@@ -82,7 +82,7 @@ def actions(robot: RobotSpec, config: MdpConfig, sim: SimConfig) -> list[Field]:
     unit = "m/s" if abs(gripper.ratio - 1.0) < 1e-6 else "rad/s"
     names += [(name, fingers, f"{finger:.4g} {unit}") for name in gripper.joints]
     return [
-        Field(name, range(i, i + 1), meaning, scale, "", "-1 to 1") for i, (name, meaning, scale) in enumerate(names)
+        TermColumns(name, range(i, i + 1), meaning, scale, "", "-1 to 1") for i, (name, meaning, scale) in enumerate(names)
     ]
 
 
@@ -91,7 +91,7 @@ def markdown(kinds: Mapping[str, tuple[type[Task], Any]], robot: RobotSpec, sim:
 
     Columns that an earlier task has in the same place are named, not listed again.
     """
-    earlier: dict[bool, dict[Field, str]] = {False: {}, True: {}}
+    earlier: dict[bool, dict[TermColumns, str]] = {False: {}, True: {}}
     for name, (kind, config) in kinds.items():
         yield f"### {name}\n"
         for critic, listed in earlier.items():
@@ -109,12 +109,12 @@ def markdown(kinds: Mapping[str, tuple[type[Task], Any]], robot: RobotSpec, sim:
     yield from table(_joined(actions(robot, next(iter(kinds.values()))[1], sim)))
 
 
-def _columns(fields: Sequence[Field]) -> str:
+def _columns(fields: Sequence[TermColumns]) -> str:
     first, last = fields[0].columns.start, fields[-1].columns.stop - 1
     return str(first) if first == last else f"{first}-{last}"
 
 
-def _joined(fields: Sequence[Field]) -> Iterator[Field]:
+def _joined(fields: Sequence[TermColumns]) -> Iterator[TermColumns]:
     """Yield fields, neighbours of the same meaning as one."""
     for _, group in itertools.groupby(fields, key=lambda field: (field.meaning, field.unit)):
         same = list(group)
@@ -122,7 +122,7 @@ def _joined(fields: Sequence[Field]) -> Iterator[Field]:
         yield replace(same[0], name=names, columns=range(same[0].columns.start, same[-1].columns.stop))
 
 
-def table(fields: Sequence[Field]) -> Iterator[str]:
+def table(fields: Sequence[TermColumns]) -> Iterator[str]:
     """Yield the lines of a Markdown table of fields."""
     names = ["columns", "name", "meaning", "unit", "frame", "range", "with"]
     rows = [

@@ -140,10 +140,12 @@ def test_a_run_without_rates_is_named_and_has_no_published_figure_beside_it(tmp_
             settings()["reward"] if i == 0 else {"distance": 50.5, "rotation": 50.5, "opening": 10.0, "finger": 50.0}
         )
         run_folder(tmp_path / f"sweep/{i}/run", reward=weights)
-        write(tmp_path / f"sweep/{i}/run/metrics.json", metrics(recent=recent))
+        curve = [] if i else metrics()["curve"]
+        write(tmp_path / f"sweep/{i}/run/metrics.json", metrics(recent=recent, curve=curve))
     (table,) = re.findall(r"<h2>All runs</h2>(.*?)</section>", whole(read(tmp_path / "sweep")), re.DOTALL)
     assert "87 to 88 %" in table and "74 %, handle" not in table
     assert "No rates yet: reward.distance=50.5" in table
+    assert table.count(">0.0002<") == 2, "steps are those of the run, whether or not an episode has ended"
 
 
 def test_seeds_of_one_setting_have_a_curve_each_their_mean_and_a_band() -> None:

@@ -379,7 +379,7 @@ class Run:
     @property
     def millions(self) -> float:
         """Environment steps that it had, in millions."""
-        return max(self.curve.get("env_steps", [0.0]), default=0.0) / 1e6
+        return float(self.about.get("env_steps") or max(self.curve.get("env_steps", [0.0]), default=0.0)) / 1e6
 
     @property
     def reported(self) -> Reported | None:

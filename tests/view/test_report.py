@@ -281,3 +281,12 @@ def test_a_run_that_was_cut_is_read_from_its_log(tmp_path: Path) -> None:
     assert "<td class=''>environment steps [millions]<td class='n'>0.0002" in page, (
         "4 iterations of 10 worlds and 5 steps"
     )
+
+
+def test_rates_that_a_plan_cannot_reach_are_left_out_and_numbers_have_their_meaning(tmp_path: Path) -> None:
+    values = {"episodes": 8, "success": RATE, "open_95pct": RATE | {"rate": 0.0}, "beyond_plan": ["open_95pct"]}
+    values |= {"force": {"mean": 1.0, "min": 0.0, "max": 2.0}, "meanings": {"force": "The maximum force [N]."}}
+    page = whole(read(write(tmp_path / "e.json", values)))
+    assert "<td class=''>opened<" in page and "<td class=''>open_95pct" not in page
+    assert "Not reachable by the plan (planner.opening): open_95pct." in page
+    assert "The maximum force [N]<" in page

@@ -82,7 +82,8 @@ def actions(robot: RobotSpec, config: MdpConfig, sim: SimConfig) -> list[TermCol
     unit = "m/s" if abs(gripper.ratio - 1.0) < 1e-6 else "rad/s"
     names += [(name, fingers, f"{finger:.4g} {unit}") for name in gripper.joints]
     return [
-        TermColumns(name, range(i, i + 1), meaning, scale, "", "-1 to 1") for i, (name, meaning, scale) in enumerate(names)
+        TermColumns(name, range(i, i + 1), meaning, scale, "", "-1 to 1")
+        for i, (name, meaning, scale) in enumerate(names)
     ]
 
 

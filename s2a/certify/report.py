@@ -98,8 +98,13 @@ def table(results: Sequence[ValidationReport]) -> str:
         failed = ", ".join(check.name for check in c.failed)
         lines.append(f"{c.stage[-40:]:40} {c.target:16} {verdict:8} {failed}".rstrip())
     lines.append(f"{sum(c.passed for c in results)} of {len(results)} passed")
-    for words, verdict in (("graspable", True), ("not graspable", False), ("grasp not tested", None)):
-        if some := [c.target for c in results if c.graspable is verdict]:
+    grips: tuple[tuple[str, bool | None], ...] = (
+        ("graspable", True),
+        ("not graspable", False),
+        ("grasp not tested", None),
+    )
+    for words, holds in grips:
+        if some := [c.target for c in results if c.graspable is holds]:
             lines.append(f"{words}: {', '.join(some)}")
     return "\n".join(lines)
 

@@ -122,7 +122,7 @@ def tree(path: Path) -> str:
 
 def fitted(text: str, columns: int) -> str:
     """Return the text of a tree in lines of so many columns; what is longer goes on below its branch."""
-    lines = []
+    lines: list[str] = []
     for line in text.splitlines():
         branch, label = re.match(r"((?:[│ ]   )*(?:[├└]── )?)(.*)", line).groups()  # type: ignore[union-attr]
         below = branch.replace("├──", "│  ").replace("└──", "   ") + "    "

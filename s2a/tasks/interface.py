@@ -107,7 +107,7 @@ def markdown(kinds: Mapping[str, tuple[type[Task], Any]], robot: RobotSpec, sim:
             yield from table(new) if new else ()
             listed |= dict.fromkeys(new, name)
     yield f"### Actions of {robot.name}\n"
-    yield from table(_joined(actions(robot, next(iter(kinds.values()))[1], sim)))
+    yield from table(list(_joined(actions(robot, next(iter(kinds.values()))[1], sim))))
 
 
 def _columns(fields: Sequence[TermColumns]) -> str:

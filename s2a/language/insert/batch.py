@@ -227,7 +227,7 @@ def _write(
         Sdf.CopySpec(one.layer, path, added, path)
     write(added, Path(os.path.relpath(settings.stage, settings.out)).as_posix(), out / LAYER)
     descriptive.write(room.scene, out / "descriptive.usda")
-    about = {"stage": str(settings.stage), "surface": settings.surface, "pose": settings.pose}
+    about: dict[str, str | None] = {"stage": str(settings.stage), "surface": settings.surface, "pose": settings.pose}
     kind = kind_of(settings.llm)
     about |= {"llm": kind, "model": None if kind == "rules" else settings.llm.model}
     (out / RECORD).write_text(json.dumps({**about, "objects": records}, indent=1) + "\n")

@@ -26,14 +26,12 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 import hydra
-import numpy as np
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from s2a.commands import usage
 from s2a.core import config, errors, outputs, progress
-from s2a.core.cache import recall
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.progress import StdoutFilter
 
@@ -293,6 +291,10 @@ def _dispatch(arguments: list[str]) -> int:
 
 def _help(command: str, every: bool) -> str:
     """Return the help text of a command, from the cache if it is there: to import a simulator for it takes seconds."""
+    # NumPy takes 0.1 s to import, which commands that finish at once should not pay.
+    import numpy as np
+
+    from s2a.core.cache import recall
 
     def make() -> dict[str, np.ndarray]:
         return {"text": np.array(usage.command(command, meaning(command), _module(command).Config, every))}

@@ -228,7 +228,9 @@ def cut_all(
 
     `min_volume`: none is left of a cut hull whose largest part is smaller [m^3]; `min_cut_volume` the same for its other parts.
     """
-    hit = [obstacle for obstacle in obstacles if overlap(hull, obstacle) > APART]
+    bounds = np.array([obstacle.bounds for obstacle in obstacles]).reshape(-1, 2, 3)
+    apart = ((hull.bounds[0] >= bounds[:, 1]) | (bounds[:, 0] >= hull.bounds[1])).any(axis=1)
+    hit = [obstacles[k] for k in np.flatnonzero(~apart).tolist() if overlap(hull, obstacles[k]) > APART]
     if not hit:
         return [hull]
     left = _layers(hull, hit) if count > 1 else [hull]

@@ -25,6 +25,8 @@ APART = 1e-6
 millimetre reaches in by several."""
 MARGIN = 1e-4
 """[m] Distance of what is cut from what it is cut free of."""
+CLEARLY = 1e-6
+"""[m] Gap at a face between pieces that are apart beyond the tolerance of the linear program."""
 INSIDE, TRIED = 256, 8
 """Points inside of a piece by which the planes that it can be cut at are compared, and how many of these are tried."""
 
@@ -50,7 +52,10 @@ def hull(points: np.ndarray, max_vertices: int | None = None, thickness: float =
 
 def halfspaces(piece: Mesh) -> np.ndarray:
     """Return a piece's planes as rows (nx, ny, nz, d), inside where n.x + d <= 0 [m], shape [plane 4]."""
-    return ConvexHull(piece.vertices.astype(np.float64)).equations
+    planes: np.ndarray | None = vars(piece).get("hull_planes")
+    if planes is None:  # kept with the piece, as its bounds are: obstacles meet thousands of others
+        planes = vars(piece)["hull_planes"] = ConvexHull(piece.vertices.astype(np.float64)).equations
+    return planes
 
 
 def contains(piece: Mesh, points: np.ndarray, margin: float = 0.0) -> np.ndarray:
@@ -80,11 +85,19 @@ def overlap(a: Mesh, b: Mesh) -> float:
     """Return the radius of the largest ball that fits into both pieces [m]; 0 if they are apart."""
     if (a.bounds[0] >= b.bounds[1]).any() or (b.bounds[0] >= a.bounds[1]).any():
         return 0.0
+    if _beyond_a_face(a, b) or _beyond_a_face(b, a):
+        return 0.0
     planes = np.concatenate([halfspaces(a), halfspaces(b)])
     room = np.concatenate([planes[:, :3], np.ones((len(planes), 1))], axis=1)
     bounds = [(None, None)] * 3 + [(0.0, None)]
     solution = linprog([0, 0, 0, -1.0], A_ub=room, b_ub=-planes[:, 3], bounds=bounds, method="highs")
     return float(solution.x[3]) if solution.status == 0 else 0.0
+
+
+def _beyond_a_face(a: Mesh, b: Mesh) -> bool:
+    """Return True if a piece lies wholly beyond one of another's planes."""
+    planes = halfspaces(a)
+    return bool((b.vertices @ planes[:, :3].T + planes[:, 3] > CLEARLY).all(axis=0).any())
 
 
 def cut_free(piece: Mesh, obstacle: Mesh, count: int = 1, min_volume: float = 0.0, margin: float = 1e-4) -> list[Mesh]:

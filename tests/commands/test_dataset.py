@@ -16,9 +16,10 @@ from typing import Any
 import furnished_room
 import pytest
 
-from s2a.commands import cli, dataset
+from s2a.commands import cli
 from s2a.core.errors import InputError
 from s2a.core.locks import LOCK, MARK
+from s2a.learn import rooms
 from s2a.tasks import pool
 from s2a.view import report
 
@@ -35,9 +36,9 @@ def test_patterns_name_captures(tmp_path: Path) -> None:
     (tmp_path / "flat").mkdir()
     for name in ("hall.ply", "attic.obj"):
         (tmp_path / name).touch()
-    names = list(dataset.captures_of(f"{tmp_path}/*").values())
+    names = list(rooms.captures_of(f"{tmp_path}/*").values())
     assert names == ["attic", "flat", "hall"]
-    assert list(dataset.captures_of((f"{tmp_path}/hall.ply", f"{tmp_path}/*"))) == [
+    assert list(rooms.captures_of((f"{tmp_path}/hall.ply", f"{tmp_path}/*"))) == [
         tmp_path / "hall.ply",
         tmp_path / "attic.obj",
         tmp_path / "flat",
@@ -53,7 +54,7 @@ def test_no_capture_and_two_of_one_name_are_refused(tmp_path: Path) -> None:
         ((), "empty"),
     ):
         with pytest.raises(InputError, match=words):
-            dataset.captures_of(given)
+            rooms.captures_of(given)
 
 
 def test_the_data_sets_of_jobs_become_one_index(tmp_path: Path) -> None:
@@ -63,9 +64,9 @@ def test_the_data_sets_of_jobs_become_one_index(tmp_path: Path) -> None:
     for job, one in (("0", row("a", parts=[PART], image="a.jpg")), ("10", row("b", left_out={"door_2": "no base"}))):
         (tmp_path / job / "rooms").mkdir()
         pool.write(tmp_path / job / "rooms/pool.json", [], {}, {"verdicts": [one]})
-    text = dataset.overview(tmp_path)
+    text = rooms.overview(tmp_path)
     assert (
-        "1 parts of 3 rooms; 1 parts left out, 1 rooms failed" in text
+        "1 parts of 3 rooms, 1 of them slide; 1 parts left out, 1 rooms failed" in text
         and "job 1 failed: the job wrote no index" in text
     )
     (entry,) = pool.read(tmp_path / "pool.json")
@@ -119,14 +120,14 @@ def test_a_killed_run_goes_on_and_keeps_what_is_done(tmp_path: Path) -> None:
     shutil.copytree(captures / "b", captures / "c")
     command = [sys.executable, "-m", "s2a", "dataset", f"scans={captures}/*", f"out={out}", "stages=[]"]
 
-    def rows() -> dict[str, Any]:
+    def stored() -> dict[str, Any]:
         return {file.stem: json.loads(file.read_text()) for file in out.glob("?.json")}
 
     # Killed in the proposals of the first, whose import is done; then in the third, with the second done.
-    until(subprocess.Popen(command), lambda: "import" in rows().get("a", {}).get("seconds", {}))
+    until(subprocess.Popen(command), lambda: "import" in stored().get("a", {}).get("seconds", {}))
     imported = (out / "a/scan/import.json").stat().st_mtime_ns
-    until(subprocess.Popen(command), lambda: "prepare" in rows().get("c", {}).get("seconds", {}))
-    assert rows()["b"]["failed"] == "" and rows()["c"]["failed"] == dataset.CUT_OFF
+    until(subprocess.Popen(command), lambda: "prepare" in stored().get("c", {}).get("seconds", {}))
+    assert stored()["b"]["failed"] == "" and stored()["c"]["failed"] == rooms.CUT_OFF
     done = {file.name: file.stat().st_mtime_ns for file in out.glob("b*")}
     subprocess.run(command, check=True, env=os.environ)
     assert (out / "a/scan/import.json").stat().st_mtime_ns == imported

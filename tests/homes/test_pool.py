@@ -12,7 +12,6 @@ from cabinet import HANDLE, write_cabinet
 from s2a.commands import cli
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.homes.commands import pool as pool_command
 from s2a.homes.commands.pool import Config, is_taken, rooms_of
 from s2a.scene.scene import Joint
 from s2a.tasks import pool
@@ -52,14 +51,6 @@ def test_one_policy_is_trained_on_slides_and_hinges(index: Path, tmp_path: Path)
     assert cli.main(["train", f"stage={index}", "task.describe_part=true", *SMALL, f"out={out}"]) == 0
     assert json.loads((out / "metrics.json").read_text())["env_steps"] == 16
     assert (out / "model_0.pt").is_file()
-
-
-def test_a_room_is_made_without_what_libraries_print(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(pool_command, "_room", lambda *given: print("Module loaded") or {"given": given})
-    assert pool_command._quiet_room("config", ("office", 0)) == {"given": ("config", ("office", 0))}
-    assert capsys.readouterr().out == ""
 
 
 def test_an_evaluation_tells_of_each_part(index: Path, tmp_path: Path) -> None:
@@ -143,6 +134,24 @@ def test_a_room_becomes_a_pool_once(tmp_path: Path, capsys: pytest.CaptureFixtur
     before = (tmp_path / "hallway_0.usd").stat().st_mtime_ns
     assert cli.main(keys) == 0
     assert (tmp_path / "hallway_0.usd").stat().st_mtime_ns == before
+    capsys.readouterr()
     assert cli.main([*keys, "annotator=hasty"]) == 2
+    assert "made with other settings" in capsys.readouterr().err
+    assert not (tmp_path / "hallway_0_visuals.usd").exists(), "no training loads visuals"
     run = ["train", f"stage={tmp_path / 'pool.json'}", "demo_reset_fraction=0.5", "demo_moved_fraction=0.3", *SMALL]
     assert cli.main([*run, f"out={tmp_path / 'run'}"]) == 0
+
+
+@pytest.mark.slow
+def test_annotated_scans_and_homes_become_one_pool_and_what_fails_is_a_row(tmp_path: Path) -> None:
+    scan, out = tmp_path / "hall", tmp_path / "pool"
+    assert cli.main(["sample", "room=hallway", "seed=0", "detail=demo", f"out={scan}"]) == 0
+    (tmp_path / "attic").mkdir()
+    assert cli.main(["pool", "rooms=[]", "homes=[hallway_0]", f"scans=[{scan},{tmp_path}/attic]", f"out={out}"]) == 0
+    parts = {
+        name: [p.part for p in pool.read(out / "pool.json") if p.room == f"{name}.usd"]
+        for name in ("hallway_0", "hall")
+    }
+    assert parts["hall"] and parts["hall"] == parts["hallway_0"], "the scan of a home gives the parts of the home"
+    rows = {row["name"]: row["failed"] for row in json.loads((out / "pool.json").read_text())["verdicts"]}
+    assert rows["hall"] == rows["hallway_0"] == "" and rows["attic"]

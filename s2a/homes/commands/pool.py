@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import logging
-import tempfile
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import ClassVar, cast, get_args
 
-from s2a import scan
-from s2a.core import workers
 from s2a.core.bounds import Count, CountFromZero
 from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write
-from s2a.core.progress import StdoutFilter, track
-from s2a.core.provenance import provenance
 from s2a.homes.capture import AnnotationConfig
 from s2a.homes.room import handle_of
 from s2a.homes.sample import RoomKind, SampleConfig, sample
 from s2a.homes.scanner import ScannerConfig
+from s2a.learn import rooms
 from s2a.learn.perception import depth_camera as cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
+from s2a.learn.rooms import Timed
 from s2a.motion.trajectory import PlannerConfig
-from s2a.prepare.part import ALL
-from s2a.prepare.room import PrepareConfig, prepare
+from s2a.prepare.room import PrepareConfig
 from s2a.robot import Robot
-from s2a.scene.usd import sim_stage
+from s2a.scene.scene import Scene
+from s2a.scene.usd.sim_scene import SimRoom
 from s2a.sim.simulation import SimConfig
 from s2a.sim.world import stage_of
-from s2a.tasks import MdpSettings, pool, task
+from s2a.tasks import MdpSettings
 
 
 @dataclass(frozen=True)
@@ -44,6 +37,7 @@ class Config:
         first: first seed.
         count: how many seeds of each kind.
         homes: further rooms by kind and seed, kitchen_22.
+        scans: further rooms that are no virtual ones: annotated folders of scans, or patterns of them as DIR/*.
         out: folder of the pool; rooms that are in it already are kept.
         jobs: rooms that are made at once.
         leave_out: families or styles of handles that are not taken.
@@ -62,6 +56,7 @@ class Config:
     first: CountFromZero
     count: Count
     homes: tuple[str, ...]
+    scans: tuple[str, ...]
     out: Output
     jobs: Count
     leave_out: tuple[str, ...]
@@ -76,25 +71,18 @@ class Config:
     planner: PlannerConfig
 
 
-INDEX = "pool.json"
-WHICH = ("rooms", "first", "count", "homes", "leave_out")
+WHICH = ("rooms", "first", "count", "homes", "scans", "leave_out")
 """Keys that say which rooms and parts, not what a room is like."""
-Made = dict[str, Any]
-"""A room's entries, and why others of its parts are left out."""
 
 
 def run(config: Config) -> str:
-    """Make the rooms that are missing, write the index, and return what is in it."""
-    specs = rooms_of(config)
-    config.out.mkdir(parents=True, exist_ok=True)
-    made = list(track(_all(config, specs), "rooms", len(specs)))
-    parts = [pool.PoolPart(**entry) for room in made for entry in room["parts"]]
-    entries = [part for part in parts if is_taken(part.handle, config)]
-    left_out = {part: why for room in made for part, why in room["left_out"].items()}
+    """Make the rooms that are missing or failed, write the index, and return what is in it."""
+    scans = rooms.captures_of(config.scans) if config.scans else {}
+    jobs: list[rooms.RoomJob] = [HomeJob(config, kind, seed) for kind, seed in rooms_of(config)]
+    jobs += [PoolJob(config, name, str(path)) for path, name in scans.items()]
     about = {key: getattr(config, key) for key in WHICH}
-    pool.write(config.out / INDEX, entries, left_out, {**about, **provenance("cpu")})
-    slides = sum(entry.kind == "prismatic" for entry in entries)
-    return f"{config.out / INDEX}: {len(entries)} parts of {len(specs)} rooms, {slides} of them slide; {len(left_out)} left out"
+    rows = rooms.make(jobs, config.out, config.jobs)
+    return rooms.write_index(config.out, rows, about, lambda part: is_taken(part.handle, config))
 
 
 def rooms_of(config: Config) -> list[tuple[RoomKind, int]]:
@@ -106,8 +94,10 @@ def rooms_of(config: Config) -> list[tuple[RoomKind, int]]:
         if kind not in get_args(RoomKind) or not seed.isdecimal():
             raise InputError(f"key 'homes' has {home!r}; give a kind of room and a seed, as kitchen_22")
         specs[cast(RoomKind, kind), int(seed)] = None
-    if not specs:
-        raise InputError("keys 'rooms' and 'homes' are empty; give one kind of room or more: rooms=[kitchen,office]")
+    if not specs and not config.scans:
+        raise InputError(
+            "keys 'rooms', 'homes' and 'scans' are empty; give a kind of room or more: rooms=[kitchen,office]"
+        )
     return list(specs)
 
 
@@ -121,80 +111,63 @@ def is_taken(handle: str, config: Config) -> bool:
     return not set(handle.split(", ")) & set(config.leave_out)
 
 
-def _all(config: Config, specs: list[tuple[RoomKind, int]]) -> Iterator[Made]:
-    if config.jobs == 1:
-        yield from map(partial(_quiet_room, config), specs)
-        return
-    with workers.processes(config.jobs) as helpers:
-        yield from helpers.map(partial(_quiet_room, config), specs)
+class PoolJob(rooms.RoomJob):
+    """An annotated scan on its way to parts of a pool, without visuals, which no training loads.
+
+    Attributes:
+        config: the command's keys.
+    """
+
+    ROOMS: ClassVar[tuple[str, ...]] = (*WHICH, "out", "jobs")
+    VISUALS: ClassVar[bool] = False
+    config: Config
+    _visible: VisibleRoom | None = None
+
+    def frames(self, room: SimRoom, part: str) -> str:
+        """Write what depth cameras see of a part; InputError where none sees it."""
+        if not self.config.frames:
+            return ""
+        self._visible = self._visible or VisibleRoom(room)
+        stage = stage_of(self.file, room, part, robot=self.config.robot.name)
+        clouds = cloud.take(self._visible, stage, self.config.depth_camera, self.config.frames, self.seed)
+        if not clouds:
+            raise InputError("no camera frame shows it")
+        name = f"{self.name}_{part}_frames.npz"
+        with atomic_write(self.config.out / name) as out:
+            cloud.save(clouds, out)
+        return name
+
+    @property
+    def seed(self) -> int:
+        """Seed of the cameras' places."""
+        return 0
 
 
-def _quiet_room(config: Config, spec: tuple[RoomKind, int]) -> Made:
-    """Return a room's parts without a warning of each of its steps or what libraries print; both go on afterwards."""
-    before = logging.root.manager.disable
-    logging.disable(logging.WARNING)
-    try:
-        with contextlib.redirect_stdout(StdoutFilter()):  # a helper has none of its own
-            return _room(config, spec)
-    finally:
-        logging.disable(before)
+class HomeJob(PoolJob):
+    """A virtual home on its way to parts of a pool; its scan is not stored."""
 
+    def __init__(self, config: Config, kind: RoomKind, seed: int) -> None:
+        """Begin a row with nothing made."""
+        super().__init__(config, f"{kind}_{seed}", f"virtual {kind}, seed {seed}")
+        self.kind, self.home_seed = kind, seed
 
-def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
-    """Return a room's parts; scan, prepare and plan it unless that was done before."""
-    kind, seed = spec
-    name = f"{kind}_{seed}"
-    done = config.out / f"{name}.json"
-    if done.is_file():
-        earlier: Made = json.loads(done.read_text())
-        if earlier["settings"] != _settings(config):
-            raise InputError(f"{done}: made with other settings; give another out, or delete that folder")
-        return earlier
-    file = config.out / f"{name}.usd"
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / "scan"
-        sample(home_of(config, kind, seed, place), place)
-        scene = scan.read(place)
+    @property
+    def seed(self) -> int:
+        """Seed of the cameras' places: the home's."""
+        return self.home_seed
+
+    def scanned(self, timed: Timed, temporary: Path) -> Path:
+        """Sample the home into the temporary folder."""
+        place = temporary / "scan"
+        with timed("sample"):
+            sample(home_of(self.config, self.kind, self.home_seed, place), place)
+        return place
+
+    def handles(self, scene: Scene, place: Path) -> dict[str, str]:
+        """Return by part the families or styles of its handles, of the truth: "bar, knob"."""
         truth = json.loads((place / "truth/truth.json").read_text())["parts"]
-        room = prepare(scene, ALL, config.prepare, (), config.robot)
-        with atomic_write(file) as out:  # without its visuals, which no training loads
-            sim_stage.write(room, out, Path(folder) / "visuals.usd")
-    made: Made = {"settings": _settings(config), "parts": [], "left_out": {}}
-    visible = VisibleRoom(room) if config.frames else None
-    for part, articulation in room.articulations.items():
-        try:
-            if not articulation.bases[config.robot.name].free:
-                raise InputError("no base pose is free")
-            motion = f"{name}_{part}.npz"
-            path_of = partial(task(config.task.name).tool_path, config=config.task)
-            planned = pool.planned(file, part, config.robot, config.sim, config.planner, path_of)
-            with atomic_write(config.out / motion) as out:
-                pool.save_motion(planned, out)
-        except InputError as error:
-            made["left_out"][f"{name}/{part}"] = str(error).removeprefix(f"{file}: ")
-            continue
-        facts = [truth[i] for i in scene.grasp_parts(part) if i in truth]
-        handles = {style for one in facts if (style := handle_of(one))}
-        handle = ", ".join(sorted(handles)) or "none"
-        seen = ""
-        if visible is not None:
-            stage = stage_of(file, room, part, robot=config.robot.name)
-            clouds = cloud.take(visible, stage, config.depth_camera, config.frames, seed)
-            if not clouds:
-                made["left_out"][f"{name}/{part}"] = "no camera frame shows it"
-                continue
-            seen = f"{name}_{part}_frames.npz"
-            with atomic_write(config.out / seen) as out:
-                cloud.save(clouds, out)
-        made["parts"].append(asdict(pool.PoolPart(file.name, part, articulation.joint.kind, handle, motion, seen)))
-    with atomic_write(done) as out:
-        out.write_text(json.dumps(made, indent=1))
-    return made
-
-
-def _settings(config: Config) -> Any:
-    """Return what a room depends on besides its kind and seed, as JSON reads it."""
-    values = asdict(config)
-    for key in (*WHICH, "out", "jobs"):
-        values.pop(key)
-    return json.loads(json.dumps(values, default=str))
+        styles = {
+            part: {style for i in scene.grasp_parts(part) if i in truth and (style := handle_of(truth[i]))}
+            for part in scene.movable
+        }
+        return {part: ", ".join(sorted(some)) or "none" for part, some in styles.items()}

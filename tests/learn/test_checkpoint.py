@@ -171,7 +171,8 @@ def test_the_policy_is_measured_in_unaided_episodes_and_the_training_goes_on_as_
 
 
 @pytest.mark.parametrize(
-    ("success", "last", "why"), [(0.96, 0, "96.0% are measured"), (0.5, 5, ""), (0.0, 2, "0.0% of")]
+    ("success", "last", "why"),
+    [(0.96, 0, "96.0% are measured"), (0.5, 5, ""), (0.0, 4, "0.0% are measured after 4 of 6")],
 )
 def test_a_training_with_a_target_ends_where_it_is_reached_or_out_of_sight(
     tmp_path: Path, success: float, last: int, why: str

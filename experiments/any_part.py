@@ -1,9 +1,9 @@
-"""Does `+experiment=part` learn any part? Trainings of parts that are drawn from a pool, from its rooms and kinds of joints alike.
+"""Whether `+experiment=part` learns any part: trainings of parts that are drawn from all rooms of a pool, sliding and turning ones.
 
 s2a pool rooms=[] homes=[kitchen_120,bedroom_121,living_room_122,dining_room_123,office_124] out=pools/any
 python experiments/any_part.py pools/any/pool.json --also bedroom_121.usd:drawer_42 --runs runs/any > commands.txt
-bash commands.txt                                                     # some 3 minutes a part on an H200, less where little is to learn
-python experiments/any_part.py pools/any/pool.json --also bedroom_121.usd:drawer_42 --runs runs/any --out experiments/results/any_part.json
+bash commands.txt
+python experiments/any_part.py pools/any/pool.json --also bedroom_121.usd:drawer_42 --runs runs/any --out FILE
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ TASK = SimpleNamespace(
         names=("success", "tidy_success", "opening"), values=("opening",), logged=("tidy_success", "success"), version=1
     ),
     privileged=0,
+    metrics=SimpleNamespace(error_fraction=0.01),
 )
 """What a task says of itself to those who log."""
 
@@ -24,7 +25,8 @@ class CountingEnv:
 
     def __init__(self, num_envs: int = 2) -> None:
         self.num_envs, self.num_actions, self.max_episode_length = num_envs, 9, 500
-        self.sim, self.task, self.columns = SimpleNamespace(device="cpu"), TASK, (*TASK.RESULTS.names, *ERRORS)
+        self.sim = SimpleNamespace(device="cpu", config=SimpleNamespace(dt=0.01, njmax=1, nconmax=1))
+        self.task, self.columns = TASK, (*TASK.RESULTS.names, *ERRORS)
         self.observation = torch.zeros(num_envs, OBSERVATIONS)
         self.reward, self.terms = torch.zeros(num_envs), torch.zeros(num_envs, len(TASK.REWARDS))
         self.done, self.time_out, self.episode_step, self.uncounted = torch.zeros(4, num_envs, dtype=torch.int32)

@@ -247,8 +247,8 @@ class Runner(OnPolicyRunner):
             raise Ended(f"{self.measured['rate']:.1%} are measured, the target is {self.target:.0%}")
         if late and self.measured.get("rate", 1.0) < HOPELESS:
             raise Ended(
-                f"{self.measured['rate']:.1%} are measured after {self.current_learning_iteration} of {self.iterations} iterations; "
-                "s2a evaluate images= shows where the arm stays; try another base or part"
+                f"{self.measured['rate']:.1%} are measured after {self.current_learning_iteration} of {self.iterations} "
+                "iterations; s2a evaluate images= shows where the arm stays; try another base or part"
             )
 
     def load(

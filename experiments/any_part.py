@@ -1,9 +1,10 @@
-"""Whether `+experiment=part` learns any part: trainings of parts that are drawn from all rooms of a pool, sliding and turning ones.
+"""Whether `+experiment=part` learns any part: trainings of parts drawn from all rooms of a pool, sliding and turning ones.
 
-s2a pool rooms=[] homes=[kitchen_120,bedroom_121,living_room_122,dining_room_123,office_124] out=pools/any
-python experiments/any_part.py pools/any/pool.json --also bedroom_121.usd:drawer_42 --runs runs/any > commands.txt
-bash commands.txt
-python experiments/any_part.py pools/any/pool.json --also bedroom_121.usd:drawer_42 --runs runs/any --out FILE
+    python experiments/any_part.py pools/any/pool.json --also bedroom_121.usd:drawer_42 --runs runs/any > commands.txt
+    bash commands.txt
+    python experiments/any_part.py pools/any/pool.json --also bedroom_121.usd:drawer_42 --runs runs/any --out FILE
+
+The pool was s2a pool rooms=[] homes=[kitchen_120,bedroom_121,living_room_122,dining_room_123,office_124] out=pools/any.
 """
 
 from __future__ import annotations

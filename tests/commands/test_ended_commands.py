@@ -295,7 +295,9 @@ def whole(inputs: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[s
 
 def repeatable(found: dict[str, str]) -> dict[str, str]:
     """Return the files that neither hold times nor where they are."""
-    return {name: mark for name, mark in found.items() if Path(name).name not in {*TIMED, "identified.usda", "insert.usda"}}
+    return {
+        name: mark for name, mark in found.items() if Path(name).name not in {*TIMED, "identified.usda", "insert.usda"}
+    }
 
 
 def without_git(folder: Path) -> dict[str, str]:

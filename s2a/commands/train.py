@@ -128,6 +128,10 @@ def _start_of(config: Config) -> Path | None:
         raise InputError("key 'ppo.critic_learning_rate' needs ppo.cuda_graph=true; rsl-rl's own update has one rate")
     if config.ppo.target is not None and processes.count() > 1:
         raise InputError("key 'ppo.target' ends a training of one process; give ppo.target=null under torchrun")
+    if config.ppo.target is not None and config.demo_reset_fraction == 1.0:
+        raise InputError(
+            "key 'ppo.target' is measured in episodes from the start pose; give demo_reset_fraction below 1"
+        )
     samples = config.num_envs * config.ppo.num_steps_per_env
     if config.ppo.num_mini_batches > samples:
         raise InputError(
@@ -145,18 +149,19 @@ def _start_of(config: Config) -> Path | None:
         run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(config.read_stages()))
     checkpoint = run_folder.latest(config.out) if config.resume else None
     done = run_folder.iteration(checkpoint) + 1 if checkpoint else 0
-    if checkpoint and (why := _ended(config.out)):
-        raise InputError(f"{config.out} has ended ({why}); train into another folder, or delete its {METRICS} to go on")
+    if checkpoint and config.ppo.target is not None and (why := _ended(config.out, config.ppo.target)):
+        raise InputError(f"{config.out} has ended ({why}); give another ppo.target, or null, to go on")
     if done >= config.ppo.iterations and (config.out / METRICS).is_file():
         raise InputError(f"{config.out} has done its {done} iterations; to go on, give ppo.iterations more of them")
     return checkpoint
 
 
-def _ended(out: Path) -> str:
-    """Return why a run ended before its last iteration, "" where it did not."""
+def _ended(out: Path, target: float) -> str:
+    """Return why a run with this target ended before its last iteration, "" where it did not."""
     try:
-        return str(json.loads((out / METRICS).read_text()).get("ended", ""))
-    except (OSError, ValueError, AttributeError):
+        metrics = json.loads((out / METRICS).read_text())
+        return str(metrics["ended"]) if metrics["target"] == target else ""
+    except (OSError, ValueError, KeyError, TypeError):
         return ""
 
 

@@ -150,6 +150,10 @@ class VecEnv:
         Raises:
             InputError: it is of another number of worlds, or of another task.
         """
+        state = {
+            "begun": torch.full((self.num_envs,), -1, dtype=torch.int32),
+            **state,
+        }  # earlier versions did not save it
         for name, array in self._persistent().items():
             mine = wp.to_torch(array)
             if name not in state or state[name].shape != mine.shape:
@@ -170,18 +174,7 @@ class VecEnv:
         }
         names = ["past", "delay"] if s.past.size else []
         names += ["privileged"] if self.task.privileged else []
-        names += [
-            "action",
-            "observation",
-            "step",
-            "begun",
-            "uncounted",
-            "dropped",
-            "overflow",
-            "result",
-            "counts",
-            "rng",
-        ]
+        names += "action observation step begun uncounted dropped overflow result counts rng".split()
         arrays |= {name: getattr(s, name) for name in names}
         return arrays | {f"task.{name}": array for name, array in self.task.persistent().items()}
 

@@ -6,6 +6,7 @@ import math
 import pickle
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -112,7 +113,7 @@ class Scored(CountingEnv):
         self.result[:, self.columns.index("tidy_success")] = succeeds.float()
         self.uncounted.zero_()
 
-    def reset_all(self) -> None:
+    def reset_all(self, seed: int | None = None) -> None:
         """Begin again."""
         self.done.zero_()
 
@@ -183,8 +184,31 @@ def test_a_training_with_a_target_ends_where_it_is_reached_or_out_of_sight(
     metrics = train(env, settings, tmp_path)
     assert latest(tmp_path) == tmp_path / f"model_{last}.pt"
     assert metrics["ended"].startswith(why) and bool(metrics["ended"]) == bool(why)
-    assert metrics["measured"].get("rate", success) == pytest.approx(success)
+    assert metrics["measured"]["rate"] == pytest.approx(success)
     assert metrics["env_steps"] == (last + 1) * settings.num_steps_per_env * env.num_envs
+
+
+@pytest.mark.parametrize(("success", "last"), [(0.96, 0), (0.02, 5)])
+def test_a_run_that_begins_with_a_policy_is_measured_first_and_judged_by_what_it_is_later(
+    run: Path, tmp_path: Path, success: float, last: int
+) -> None:
+    env = Scored()
+    env.rate = success
+    settings = load(PpoConfig, "ppo/default", **{**SMALL, "iterations": 6, "save_interval": 1, "target": 0.95})
+
+    class Learning(Runner):
+        """A runner whose worlds succeed in half of the episodes from the first iteration on."""
+
+        def learn(self, *args: Any, **kwargs: Any) -> None:
+            env.rate = 0.5
+            super().learn(*args, **kwargs)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("s2a.learn.rl.ppo.Runner", Learning)
+        metrics = train(env, settings, tmp_path / "on", init=run / "model_0.pt")
+    assert latest(tmp_path / "on") == tmp_path / f"on/model_{last}.pt"
+    assert metrics["measured"]["rate"] == pytest.approx(0.96 if last == 0 else 0.5)
+    assert metrics["env_steps"] == (0 if last == 0 else 6 * settings.num_steps_per_env * env.num_envs)
 
 
 def test_a_folder_with_the_best_checkpoint_alone_has_none_to_go_on_from(run: Path) -> None:

@@ -78,8 +78,13 @@ class RslRlEnv(RslRlVecEnv):
 
     @property
     def score(self) -> float:
-        """Rate of the task's first logged column over the recent unaided episodes; NaN before the worlds are warm."""
+        """Rate of the task's first logged column over the recent unaided episodes; NaN before the worlds are warm.
+
+        Where all episodes begin on demonstrations, these count.
+        """
         episodes, hits = self.unaided
+        if self.warm and not episodes:
+            episodes, hits = self.recent[0], self.recent[1 + self._scored]
         return float(hits / episodes) if self.warm else float("nan")
 
     def get_observations(self) -> TensorDict:

@@ -51,7 +51,8 @@ class PpoConfig:
             in which the critic alone learns. Needs `cuda_graph`.
         save_interval: iterations between checkpoints.
         target: rate of the task's first logged column at which a training ends (`Runner.measure`). What it begins with is
-            measured too, and imitates the planner first where it is far from it. null: a training does all its iterations.
+            measured too; an .onnx that is far from it imitates the planner in `critic_iterations`. null: a training does all its
+            iterations.
         cuda_graph: collecting and updating never wait for the device, and an update is replayed as captured graphs on a GPU;
             the arithmetic is the same. Of the two below, it needs neither.
         fused_adam: take the optimiser's step in one kernel instead of some ten.

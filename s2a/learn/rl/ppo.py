@@ -159,7 +159,7 @@ class Runner(OnPolicyRunner):
         best: best score (`RslRlEnv.score`) of a checkpoint so far; NaN before the first.
         target: measured rate at which training ends; None: at its last iteration.
         iterations: number of the run's iterations.
-        measured: what `measure` returned last, {} before.
+        measured: what the best checkpoint came to, once that is known.
     """
 
     env: RslRlEnv
@@ -179,8 +179,10 @@ class Runner(OnPolicyRunner):
         self.measured = {}
 
     @torch.inference_mode()
-    def measure(self) -> dict[str, float]:
+    def measure(self, again: bool = False) -> dict[str, float]:
         """Run the mean actions for one episode in every world from a fresh reset; training goes on as if it had not been done.
+
+        Start noise is drawn by the iteration's number, `again` for other draws.
 
         Returns:
             "episodes": number of those that did not begin on a demonstration; "rate": of the task's first logged column among
@@ -189,6 +191,7 @@ class Runner(OnPolicyRunner):
         worlds, running = self.env.env, self.env.state_dict()
         begun: list[torch.Tensor] = []  # on which step of a demonstration each world's episode began
         policy = self.get_inference_policy(device=str(self.device))
+        worlds.reset_all(2 * self.current_learning_iteration + again)
         column = run_episodes(
             worlds,
             lambda observation: policy(TensorDict({"policy": observation}, batch_size=[len(observation)])),
@@ -197,8 +200,7 @@ class Runner(OnPolicyRunner):
         self.env.load_state_dict(running)
         self.alg.train_mode()
         hits = column[worlds.task.RESULTS.logged[0]][begun[0] < 0]
-        self.measured = {"episodes": len(hits), **rate(float(hits.sum()), len(hits))}
-        return self.measured
+        return {"episodes": len(hits), **rate(float(hits.sum()), len(hits))}
 
     def learn(self, num_learning_iterations: int, init_at_random_ep_len: bool = False) -> None:
         """Train, and keep the time; worlds that were resumed keep their episode clocks."""
@@ -226,11 +228,6 @@ class Runner(OnPolicyRunner):
         if self.target is not None:
             self._judge(path, score)
 
-    @property
-    def reached(self) -> bool:
-        """Whether the last measured rate is the target or more."""
-        return self.target is not None and self.measured.get("rate", 0.0) >= self.target
-
     def _keep(self, path: str) -> None:
         """Copy a checkpoint to BEST."""
         with atomic_write(Path(path).with_name(BEST)) as out:
@@ -240,16 +237,25 @@ class Runner(OnPolicyRunner):
         """End a training that has reached its target, or will not; a rate under noise is NaN before the worlds are warm."""
         assert self.target is not None
         late = self.current_learning_iteration >= BY * self.iterations
-        if not self.reached and (score >= self.target - NEAR or (late and score < HOPELESS)):
-            self.measure()
-        if self.reached:
-            self._keep(path)
-            raise Ended(f"{self.measured['rate']:.1%} are measured, the target is {self.target:.0%}")
-        if late and self.measured.get("rate", 1.0) < HOPELESS:
+        if not (score >= self.target - NEAR or (late and score < HOPELESS)):
+            return
+        measured = self.measure()
+        if measured["rate"] >= self.target:
+            self.confirm(path)
+        if late and measured["rate"] < HOPELESS:
             raise Ended(
-                f"{self.measured['rate']:.1%} are measured after {self.current_learning_iteration} of {self.iterations} "
-                "iterations; s2a evaluate images= shows where the arm stays; try another base or part"
+                f"{measured['rate']:.1%} are measured after {self.current_learning_iteration} of {self.iterations} iterations; "
+                "s2a evaluate images= shows where the arm stays; try another base or part"
             )
+
+    def confirm(self, path: str) -> None:
+        """End with a checkpoint that was measured at the target, if other draws say so too: of many measurements one is lucky."""
+        assert self.target is not None
+        measured = self.measure(again=True)
+        if measured["rate"] >= self.target:
+            self.measured = measured
+            self._keep(path)
+            raise Ended(f"{measured['rate']:.1%} are measured, the target is {self.target:.0%}")
 
     def load(
         self, path: str, load_cfg: dict | None = None, strict: bool = True, map_location: str | None = None
@@ -376,8 +382,8 @@ def train(
     Returns:
         The iteration it began with, environment steps (of all processes), seconds, environment steps a second of this
         process's training, the finished episodes and how many had each of ERRORS, the sums over recent episodes by name (of
-        all processes; zeros before the worlds are warm), "measured" (`Runner.measure`) and "ended" (why) where there is a target,
-        and the curve: what was logged, a row an iteration.
+        all processes; zeros before the worlds are warm), "target", "measured" (`Runner.measure`) and "ended" (why) where there is
+        a target, and the curve: what was logged, a row an iteration.
     """
     lead = processes.rank() == 0
     first = run_folder.iteration(checkpoint) + 1 if checkpoint else 0
@@ -404,26 +410,25 @@ def train(
                 runner.keep_normalizer()
             return adapter, runner
 
-        if init:
-            far = checkpoint is not None and _imitates(checkpoint)
-            adapter, runner = begun(teacher if far else None)
-            if config.target is not None and not checkpoint and runner.measure()["rate"] < IMITATE_BELOW and teacher:
-                adapter, runner = begun(teacher)
-        else:
+        goes_on = checkpoint is not None and _imitates(checkpoint)
+        adapter, runner = begun(teacher if init is None or goes_on else None)
+        start = runner.measure()["rate"] if init and config.target is not None and not checkpoint else math.nan
+        if teacher and start < IMITATE_BELOW:
             adapter, runner = begun(teacher)
         before, why, learned = runner.seconds, "", False
         runner.target, runner.iterations = config.target, config.iterations
         if todo:
             try:
-                if runner.reached:  # by the policy that it begins with
+                if config.target is not None and start >= config.target:
                     runner.save(str(out / "model_0.pt"))
+                    runner.confirm(str(out / "model_0.pt"))
                 learned = True
                 runner.learn(todo, init_at_random_ep_len=True)
             except Ended as end:
                 why = str(end)
-        if config.target is not None and not runner.reached and (out / BEST).is_file():
+        if config.target is not None and not runner.measured and (out / BEST).is_file():
             runner.load(str(out / BEST), {"actor": True}, map_location=str(env.sim.device))
-            runner.measure()
+            runner.measured = runner.measure()
     next(steps, None)
     counted = dict(zip(adapter.names, processes.add_up(adapter.counted).tolist(), strict=True))
     recent = processes.add_up(adapter.recent * adapter.warm)
@@ -437,14 +442,17 @@ def train(
         "env_steps_per_second": done * batch / max(runner.seconds - before, 1e-9),
         **{name: int(counted[name]) for name in ("episodes", *ERRORS)},
         "recent": dict(zip(adapter.names, recent.tolist(), strict=True)),
-        **({"measured": runner.measured, "ended": why} if config.target is not None else {}),
+        **({"target": config.target, "measured": runner.measured, "ended": why} if config.target is not None else {}),
         "curve": run_folder.curve(out) if lead else [],
     }
 
 
 def _imitates(checkpoint: Path) -> bool:
-    """Return whether a run that is to go on has a teacher."""
-    return "teacher" in torch.load(checkpoint, weights_only=True, map_location="cpu")["infos"]["run"]
+    """Return whether a run that is to go on has a teacher; not where its checkpoint is damaged, which `Runner.resume` reports."""
+    try:
+        return "teacher" in torch.load(checkpoint, weights_only=True, map_location="cpu")["infos"]["run"]
+    except Exception:  # as of Runner.resume
+        return False
 
 
 def load_model(env: VecEnv, checkpoint: Path) -> nn.Module:

@@ -31,7 +31,7 @@ SETTINGS = "settings.json"
 STARTS = "starts.json"
 BEST = "model_best.pt"
 """Copy of the checkpoint with the best score so far."""
-FREE = ("init", "resume", "device", "export", "out", "ppo.iterations", "ppo.save_interval")
+FREE = ("init", "resume", "device", "export", "out", "ppo.iterations", "ppo.save_interval", "ppo.target")
 """Keys that may change when a run goes on."""
 
 _log = logging.getLogger(__name__)

@@ -52,7 +52,7 @@ class ShortEnv(CountingEnv):
 
 def test_no_rate_is_told_before_an_episode_could_have_failed() -> None:
     env = RslRlEnv(ShortEnv(), 1.0)
-    rates = [float(env.step(torch.zeros(2, 9))[3]["log"]["/success"]) for _ in range(8)]
+    rates = [float(env.step(torch.zeros(2, 9))[3]["log"]["success"]) for _ in range(8)]
     assert [math.isfinite(rate) for rate in rates] == [False] * 6 + [True] * 2
     assert rates[-1] == pytest.approx(1.0)
     assert float(env.recent[env.names.index("episodes")]) == pytest.approx(sum(0.999**k for k in range(8)))

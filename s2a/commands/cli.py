@@ -8,6 +8,7 @@ A command is a module of `s2a.commands`, or of the package `commands` of a satel
 from __future__ import annotations
 
 import contextlib
+import errno
 import gc
 import importlib
 import itertools
@@ -45,6 +46,8 @@ ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")
 SURROGATES = re.compile("[\ud800-\udfff]")
 """What stands in an argument for bytes that are no UTF-8."""
 _HELP = re.compile(r'"""Command `s2a [\w-]+`: (.*?)\.(?:\n|""")', re.S)
+UNREACHED = (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS)
+"""What the system answers where the path or its permissions are the cause."""
 FLAGS = ("--help", "-h", "--help-all", "--version", "--debug", "--multirun", "-m")
 
 
@@ -83,10 +86,10 @@ def _said(error: Exception) -> str:
     """Return the message of an error of the user or of the system, with what to do about the latter."""
     if not isinstance(error, OSError) or not isinstance(error.filename, str) or not error.strerror:
         return str(error)
-    remedy = "check the path and its permissions"
+    remedy = "; check the path and its permissions" if error.errno in UNREACHED else ""
     if "warp" in Path(error.filename).parts:  # Warp's cache cannot be written
-        remedy = "set WARP_CACHE_PATH to a folder that can be written"
-    return f"{error.filename}: {error.strerror}; {remedy}"
+        remedy = "; set WARP_CACHE_PATH to a folder that can be written"
+    return f"{error.filename}: {error.strerror}{remedy}"
 
 
 def _size(arguments: Sequence[str]) -> str:
@@ -299,8 +302,11 @@ def _help(command: str, every: bool) -> str:
     def make() -> dict[str, np.ndarray]:
         return {"text": np.array(usage.command(command, meaning(command), _module(command).Config, every))}
 
-    values = [file.read_text(encoding="utf-8") for file in sorted(config.folder().rglob("*.yaml"))]
-    known = [command, str(every), os.environ.get("S2A_ROBOTS", ""), *values]
+    # The names of files are options; robots are this package's, and the user's.
+    files = [*config.folder().rglob("*.yaml"), *Path(__file__).parents[1].glob("robot/*/*.yaml")]
+    files += [Path(each).expanduser() for each in os.environ.get("S2A_ROBOTS", "").split(os.pathsep)]
+    texts = [f"{file}\n{file.read_text(encoding='utf-8')}" for file in sorted(files) if file.is_file()]
+    known = [command, str(every), os.environ.get("S2A_ROBOTS", ""), *texts]
     return str(recall("help", known, make)["text"])
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -14,6 +16,7 @@ import satellites
 import tiny_scan
 
 from s2a.commands import cli
+from s2a.core import config
 from s2a.scene.usd import descriptive, geometric
 
 
@@ -267,6 +270,22 @@ def test_too_little_memory_is_one_line_and_no_bug(
         assert "out of memory" in message and f"lower {size}" in message and "bug" not in message
 
 
+@pytest.mark.parametrize(
+    ("number", "is_path"),
+    [(errno.ENOENT, True), (errno.EACCES, True), (errno.EPERM, True), (errno.EROFS, True)]
+    + [(errno.ENOSPC, False), (errno.EISDIR, False), (errno.EMFILE, False)],
+)
+def test_only_errors_of_a_path_or_its_permissions_have_them_as_the_remedy(
+    number: int, is_path: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    def fail(config: object) -> str:
+        raise OSError(number, os.strerror(number), "/scans/hall.ply")
+
+    monkeypatch.setattr("s2a.commands.export.run", fail)
+    message = refused(capsys, ["export", "scan=x", f"out={tmp_path / 'y'}"])
+    assert f"/scans/hall.ply: {os.strerror(number)}" in message and ("check the path" in message) == is_path
+
+
 def test_a_user_without_a_home_has_one_for_caches(tmp_path: Path):
     code = (
         "import os, pwd, sys\n"
@@ -289,3 +308,28 @@ def test_help_that_was_shown_before_imports_no_command(tmp_path: Path) -> None:
     calls = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=quiet) for _ in range(2)]
     first, second = (call.stdout.rsplit("\n", 2)[:2] for call in calls)
     assert first == [second[0], "True"] and second[1] == "False" and "scan=(required)" in first[0]
+
+
+def test_help_names_the_options_of_now(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tree = shutil.copytree(config.folder(), tmp_path / "conf")
+    monkeypatch.setattr(config, "folder", lambda: tree)
+    monkeypatch.setenv("S2A_CACHE", str(tmp_path / "cache"))
+
+    def rewards() -> str:
+        assert cli.main(["train", "--help"]) == 0
+        return next(line for line in capsys.readouterr().out.splitlines() if "reward=...  one of: " in line)
+
+    before = rewards()
+    (tree / "reward/real.yaml").rename(tree / "reward/renamed.yaml")
+    assert rewards() == before.replace(" real", " renamed")
+
+
+def test_help_is_made_again_for_another_robot_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("S2A_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("S2A_ROBOTS", str(tmp_path / "robot.yaml"))
+    for text in ("first: 1", "first: 1", "second: 1"):
+        (tmp_path / "robot.yaml").write_text(text)
+        assert cli.main(["check", "--help"]) == 0
+    assert len(list((tmp_path / "cache/help").iterdir())) == 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -190,14 +191,21 @@ OPENED = 0.5
 def rooms(values: Mapping[str, Any], path: Path) -> Document:
     """Return the page of a data set: a verdict a room, an image of each, its parts, and why others were left out."""
     rows = values["verdicts"]
-    overview = [_room(row) for row in rows]
+    # Those of a row that key 'leave_out' names are not in the index.
+    files = Counter(part["room"] for part in values["parts"])
+    counts = [sum(files[room] for room in {part["room"] for part in row["parts"]}) for row in rows]
+    overview = [_room(row, count) for row, count in zip(rows, counts, strict=True)]
     header = ("room", "", "parts that move", "in the index", "certified", "opened by the planner", "minutes", "reason")
     minutes = sum(sum(row["seconds"].values()) for row in rows) / 60
     sections = [(f"{len(rows)} rooms", table(header, overview))]
-    files = [(row, path.parent / row["image"]) for row in rows if row["image"]]
-    shown = [(f"{row['name']}: {_verdict(row)}", file.read_bytes()) for row, file in files if file.is_file()]
-    note = "<p>Fronts: green, opened by the planner; blue, in the index; red, left out.</p>"
-    sections.append(("Images", note + document.figures(shown)))
+    shown = [
+        (f"{row['name']}: {_verdict(row, count)}", file.read_bytes())
+        for row, count in zip(rows, counts, strict=True)
+        if row["image"] and (file := path.parent / row["image"]).is_file()
+    ]
+    if shown:
+        note = "<p>Fronts: green, opened by the planner; blue, in the index; red, left out.</p>"
+        sections.append(("Images", note + document.figures(shown)))
     stages = list(dict.fromkeys(stage for row in rows for stage in row["seconds"]))
     seconds = [(row["name"], *(row["seconds"].get(stage) for stage in stages)) for row in rows]
     parts = [
@@ -213,7 +221,7 @@ def rooms(values: Mapping[str, Any], path: Path) -> Document:
     return Document(title, f"{bad} rooms failed; {minutes:.1f} minutes; {provenance(values)}", tuple(sections))
 
 
-def _room(row: Mapping[str, Any]) -> tuple[object, ...]:
+def _room(row: Mapping[str, Any], count: int) -> tuple[object, ...]:
     verdicts = row["verdicts"].values()
     certified = [verdict["certified"] for verdict in verdicts if "certified" in verdict]
     opened = [verdict["success"] >= OPENED for verdict in verdicts if "success" in verdict]
@@ -221,7 +229,7 @@ def _room(row: Mapping[str, Any]) -> tuple[object, ...]:
         row["name"],
         _status("fail" if row["failed"] else "pass"),
         len(row["parts"]) + len(row["left_out"]),
-        len(row["parts"]),
+        count,
         f"{sum(certified)} of {len(certified)}" if certified else None,
         f"{sum(opened)} of {len(opened)}" if opened else None,
         round(sum(row["seconds"].values()) / 60, 1),
@@ -229,13 +237,13 @@ def _room(row: Mapping[str, Any]) -> tuple[object, ...]:
     )
 
 
-def _verdict(row: Mapping[str, Any]) -> str:
-    """Return what became of a room in a few words."""
+def _verdict(row: Mapping[str, Any], count: int) -> str:
+    """Return in a few words what became of a room, of which `count` parts are in the index."""
     if row["failed"]:
         return f"failed, {row['failed']}"
     rates = [verdict["success"] for verdict in row["verdicts"].values() if "success" in verdict]
     opened = f", {sum(rate >= OPENED for rate in rates)} opened" if rates else ""
-    return f"{len(row['parts'])} parts{opened}; {len(row['left_out'])} left out"
+    return f"{count} parts{opened}; {len(row['left_out'])} left out"
 
 
 BAR = 120

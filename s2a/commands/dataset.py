@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -88,17 +87,11 @@ def run(config: Config) -> str:
     """Make the rooms that are missing or failed, write the index, and return what is in it.
 
     Raises:
-        InputError: no capture, two of one name, or rooms in `out` that were made with other settings or of another capture.
+        InputError: no capture, two of one name, rooms in `out` that were made with other settings or of another capture, or no
+            part in the end.
     """
     captures = [CaptureJob(config, path, name) for path, name in rooms.captures_of(config.scans).items()]
     return rooms.write_index(config.out, rooms.make(captures, config.out, config.jobs))
-
-
-def _state(capture: Path) -> str:
-    """Return a checksum of a capture's path, and of names, sizes and times of its files."""
-    names = sorted(path for path in capture.rglob("*") if path.is_file()) if capture.is_dir() else [capture]
-    about = [(str(path.relative_to(capture)), path.stat().st_size, path.stat().st_mtime_ns) for path in names]
-    return hashlib.sha256(json.dumps([str(capture.resolve()), about]).encode()).hexdigest()
 
 
 class CaptureJob(rooms.RoomJob):
@@ -108,7 +101,7 @@ class CaptureJob(rooms.RoomJob):
 
     def __init__(self, config: Config, capture: Path, name: str) -> None:
         """Begin a row with nothing made."""
-        super().__init__(config, name, str(capture), _state(capture))
+        super().__init__(config, name, capture)
         self.capture = capture
 
     def scanned(self, timed: Timed, temporary: Path) -> Path:

@@ -22,6 +22,7 @@ import dacite
 from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
 from hydra.core.config_store import ConfigStore
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -74,6 +75,11 @@ def folder() -> Path:
     """Return the folder of the YAML tree: inside the installed package, or beside it in a checkout."""
     package = Path(__file__).resolve().parents[1]
     return package / "conf" if (package / "conf").is_dir() else package.parent / "conf"
+
+
+def is_job() -> bool:
+    """Return whether this process is in a job of a sweep."""
+    return HydraConfig.initialized()
 
 
 def compose(name: str, overrides: Sequence[str] = (), settings: type | None = None) -> dict[str, Any]:

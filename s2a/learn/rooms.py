@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import glob
+import hashlib
 import json
 import os
 import tempfile
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 from s2a import scan
+from s2a.core.config import is_job
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import StdoutFilter, track
@@ -63,7 +65,7 @@ class RoomJob:
         config: the command's keys.
         name: of the room's files.
         source: where it comes from, for its row.
-        about: what it depends on beside the keys, as JSON.
+        settings: what it depends on, as JSON: keys, and the state of the capture.
         ROOMS: keys that say which rooms there are, not what one is like.
         VISUALS: Write the room's visuals too.
     """
@@ -71,24 +73,28 @@ class RoomJob:
     ROOMS: ClassVar[tuple[str, ...]] = ("scans", "out", "jobs")
     VISUALS: ClassVar[bool] = True
 
-    def __init__(self, config: Settings, name: str, source: str, about: object = None) -> None:
-        """Begin a row with nothing made."""
-        self.config, self.name, self.source = config, name, source
+    def __init__(self, config: Settings, name: str, source: Path | str) -> None:
+        """Begin a row with nothing made. `source`: the capture, or words for a room without one."""
+        self.config, self.name, self.source = config, name, str(source)
         values: Row = {key: value for key, value in asdict(config).items() if key not in self.ROOMS}  # type: ignore[call-overload]
-        self.settings = json.loads(json.dumps({**values, "capture": about}, default=str))
+        if isinstance(source, Path):
+            values["capture"] = state(source)
+        self.settings = json.loads(json.dumps(values, default=str))
         self.file, self.place = config.out / f"{name}.usd", config.out / name
-        self.row = {"settings": self.settings, **empty(name, source, CUT_OFF)}
+        self.row = {"settings": self.settings, **empty(name, self.source, CUT_OFF)}
 
     def stored(self) -> Row:
         """Return what is stored of the room; empty where nothing is; InputError where it was made otherwise."""
         file = self.config.out / f"{self.name}.json"
         if not file.is_file():
             return {}
-        row: Row = json.loads(file.read_text())
-        if row["settings"] != self.settings:
+        # A row of s2a pool before it had reasons of rooms is of one that is done; its parts are named by room and part.
+        row: Row = {**empty(self.name, self.source, ""), **json.loads(file.read_text())}
+        row["left_out"] = {part.removeprefix(f"{self.name}/"): why for part, why in row["left_out"].items()}
+        if row.get("settings") != self.settings:
+            also = f" and {self.place}" if self.place.is_dir() else ""
             raise InputError(
-                f"{file}: made with other settings, or the capture has changed; give another out, or delete that file and "
-                f"{self.place}"
+                f"{file}: made with other settings, or the capture has changed; give another out, or delete that file{also}"
             )
         return row
 
@@ -176,7 +182,7 @@ class RoomJob:
 
 
 def captures_of(patterns: str | tuple[str, ...]) -> dict[Path, str]:
-    """Return the name of each capture by its path, patterns expanded; InputError for none, or two of one name."""
+    """Return the name of each capture by its path, patterns expanded; InputError for none."""
     names: dict[Path, str] = {}
     for pattern in (patterns,) if isinstance(patterns, str) else patterns:
         paths = [Path(text) for text in sorted(glob.glob(os.path.expanduser(pattern)))]
@@ -185,14 +191,17 @@ def captures_of(patterns: str | tuple[str, ...]) -> dict[Path, str]:
                 f"key 'scans' has {pattern!r}, which is no file or folder; give captures, or a pattern as DIR/*"
             )
         for path in paths:
-            name = path.name if path.is_dir() else path.stem
-            twin = next((other for other, taken in names.items() if taken == name and other != path), None)
-            if twin is not None:
-                raise InputError(f"key 'scans': {twin} and {path} are both named {name!r}; rename one, or link to it")
-            names[path] = name
+            names[path] = path.name if path.is_dir() else path.stem
     if not names:
         raise InputError("key 'scans' is empty; give captures: scans=[DIR/*]")
     return names
+
+
+def state(capture: Path) -> str:
+    """Return a checksum of a capture's path, and of names, sizes and times of its files."""
+    names = sorted(path for path in capture.rglob("*") if path.is_file()) if capture.is_dir() else [capture]
+    about = [(str(path.relative_to(capture)), path.stat().st_size, path.stat().st_mtime_ns) for path in names]
+    return hashlib.sha256(json.dumps([str(capture.resolve()), about]).encode()).hexdigest()
 
 
 def empty(name: str, source: str, reason: str) -> Row:
@@ -210,8 +219,16 @@ def make(jobs: Sequence[RoomJob], out: Path, at_once: int) -> list[Row]:
         at_once: rooms that are made at once, each in a process of its own.
 
     Raises:
-        InputError: a room in `out` was made with other settings or of another capture.
+        InputError: two rooms of one name, one of the index's, or one in `out` that was made with other settings or of another
+            capture.
     """
+    sources: dict[str, str] = {Path(INDEX).stem: INDEX}
+    for job in jobs:
+        if job.name in sources:
+            raise InputError(
+                f"{sources[job.name]} and {job.source} are both named {job.name!r}; rename one, or give a link of another name"
+            )
+        sources[job.name] = job.source
     out.mkdir(parents=True, exist_ok=True)
     missing = [job for job in jobs if job.stored().get("failed", CUT_OFF)]
     for index, _ in track(apart(_make, None, missing, at_once), "rooms", len(missing)):
@@ -255,6 +272,7 @@ def write_index(
     rows: Iterable[Row],
     about: Mapping[str, object] | None = None,
     taken: Callable[[PoolPart], bool] = lambda _: True,
+    may_be_empty: bool = False,
 ) -> str:
     """Write the index of some rooms; return what is in it.
 
@@ -263,6 +281,10 @@ def write_index(
         rows: of the rooms.
         about: further facts.
         taken: true of a part that goes into the index.
+        may_be_empty: no part need be in it, as in a job of a sweep, of which a room is a row of the sweep's index.
+
+    Raises:
+        InputError: no part is in it; it is written all the same, for s2a report.
     """
     rows = list(rows)
     entries = [entry for row in rows for part in row["parts"] if taken(entry := PoolPart(**part))]
@@ -273,10 +295,15 @@ def write_index(
     slides = sum(entry.kind == "prismatic" for entry in entries)
     counts = f"{len(entries)} parts of {len(rows)} rooms, {slides} of them slide"
     counts += f"; {len(left_out)} parts left out, {len(bad)} rooms failed"
+    page = f"s2a report path={out / INDEX} out={out / 'rooms.html'}"
+    if not entries and not may_be_empty and not is_job():
+        reasons = [f"{row['name']}: {row['failed']}" for row in bad] or [
+            f"{part}: {why}" for part, why in left_out.items()
+        ]
+        first = f" ({reasons[0]})" if reasons else ""
+        raise InputError(f"{out / INDEX}: {counts}{first}; for all reasons: {page}")
     lines = [f"  {row['name']} failed: {row['failed']}" for row in bad]
-    return "\n".join(
-        [f"{out / INDEX}: {counts}", *lines, f"  next: s2a report path={out / INDEX} out={out / 'rooms.html'}"]
-    )
+    return "\n".join([f"{out / INDEX}: {counts}", *lines, f"  next: {page}"])
 
 
 def overview(place: Path) -> str:
@@ -290,7 +317,7 @@ def overview(place: Path) -> str:
         if not indices:
             source = " ".join((job / ".hydra/overrides.yaml").read_text().split())
             rows.append(empty(f"job {job.name}", source, "the job wrote no index; see its log below .submitit"))
-    return write_index(place, rows) if rows else ""
+    return write_index(place, rows, may_be_empty=True) if rows else ""
 
 
 def _moved(row: Row, folder: Path) -> Row:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -45,11 +46,15 @@ def test_patterns_name_captures(tmp_path: Path) -> None:
     ]
 
 
-def test_no_capture_and_two_of_one_name_are_refused(tmp_path: Path) -> None:
+def test_two_captures_of_one_name_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "hall.ply").touch()
     (tmp_path / "hall.obj").touch()
+    assert cli.main(["dataset", f"scans={tmp_path}/*", f"out={tmp_path}/rooms"]) == 2
+    assert "both named 'hall'" in capsys.readouterr().err and not (tmp_path / "rooms").exists()
+
+
+def test_no_capture_is_refused(tmp_path: Path) -> None:
     for given, words in (
-        (f"{tmp_path}/*", "both named 'hall'"),
         (f"{tmp_path}/no", "no file or folder"),
         ((), "empty"),
     ):
@@ -86,6 +91,21 @@ def test_the_page_shows_a_verdict_a_room_and_reasons(tmp_path: Path) -> None:
     page = report.read(tmp_path / "pool.json").html()
     assert "1 parts of 2 rooms" in page and "1 rooms failed; 1.5 minutes" in page
     assert all(words in page for words in ("import: no up axis", "no base", "1 of 1", "a/door_2"))
+    assert "<h2>Images" not in page, "no room has an image"
+
+
+def test_the_page_counts_the_parts_of_the_index(tmp_path: Path) -> None:
+    kept_out = PART | {"part": "door_3", "handle": "edge", "motion": "a_door_3.npz"}
+    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff")
+    rows = [
+        row("a", parts=[PART, kept_out], left_out={"door_2": "no base"}, image="a.jpg"),
+        row("b", parts=[kept_out | {"room": "b.usd"}]),
+    ]
+    pool.write(tmp_path / "pool.json", [pool.PoolPart(**PART)], {"a/door_2": "no base"}, {"verdicts": rows})
+    page = report.read(tmp_path / "pool.json").html()
+    cells = {name: re.findall(r"<td class='n'>(\d+)", page.split(f"<td class=''>{name}<")[1])[:2] for name in "ab"}
+    assert cells == {"a": ["3", "1"], "b": ["1", "0"]}, "parts that move, and those in the index"
+    assert "a: 1 parts; 1 left out" in page and "<h2>Images" in page
 
 
 @pytest.mark.slow
@@ -93,11 +113,12 @@ def test_captures_that_fail_are_rows_and_are_tried_again(tmp_path: Path, capsys:
     for name in ("hall.ply", "attic.txt"):
         (tmp_path / name).write_text("nothing")
     keys = ["dataset", f"scans=[{tmp_path}/hall.ply,{tmp_path}/attic.txt]", f"out={tmp_path}/rooms", "jobs=2"]
-    assert cli.main(keys) == 0
+    assert cli.main(keys) == 2
     rows = json.loads((tmp_path / "rooms/pool.json").read_text())["verdicts"]
     assert [one["name"] for one in rows] == ["hall", "attic"]
     assert all(one["failed"].startswith("import: ") and one["parts"] == [] for one in rows)
-    assert "2 rooms failed" in capsys.readouterr().out
+    message = capsys.readouterr().err
+    assert "2 rooms failed" in message and "hall: import: " in message
     assert cli.main([*keys, "episodes=3"]) == 2
     assert "made with other settings" in capsys.readouterr().err
 

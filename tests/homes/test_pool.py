@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
+import tiny_scan
 import torch
 from cabinet import HANDLE, write_cabinet
 
 from s2a.commands import cli
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.homes.commands.pool import Config, is_taken, rooms_of
+from s2a.homes.commands.pool import Config, HomeJob, PoolJob, is_taken, rooms_of
+from s2a.learn import rooms
 from s2a.scene.scene import Joint
 from s2a.tasks import pool
 
@@ -123,6 +127,56 @@ def test_no_split_to_train_on_has_a_home_or_handle_of_the_test(split: str) -> No
 def test_a_home_that_is_none_is_refused(home: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["pool", f"homes=[{home}]", f"out={tmp_path}"]) == 2
     assert f"'{home}'" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+def test_a_scan_and_a_home_of_one_name_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scan, out = tiny_scan.write(tmp_path / "hallway_0"), tmp_path / "pool"
+    assert cli.main(["pool", "rooms=[]", "homes=[hallway_0]", f"scans=[{scan}]", f"out={out}"]) == 2
+    assert f"virtual hallway, seed 0 and {scan} are both named 'hallway_0'" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_scan_named_as_the_index_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scan, out = tiny_scan.write(tmp_path / "pool"), tmp_path / "out"
+    assert cli.main(["pool", "rooms=[]", f"scans=[{scan}]", f"out={out}"]) == 2
+    assert "both named 'pool'" in capsys.readouterr().err
+
+
+def test_a_scan_that_was_annotated_again_or_is_another_is_refused(tmp_path: Path) -> None:
+    settings = config.load(Config, config.compose("pool", ["rooms=[]", "scans=[x]", f"out={tmp_path / 'pool'}"]))
+    scan, other = tiny_scan.write(tmp_path / "hall"), tiny_scan.write(tmp_path / "other/hall")
+    job = PoolJob(settings, "hall", scan)
+    job.store({**job.row, "failed": ""})
+    assert PoolJob(settings, "hall", scan).stored()["failed"] == ""
+    with pytest.raises(InputError, match="the capture has changed"):
+        PoolJob(settings, "hall", other).stored()
+    file = next(path for path in scan.rglob("*") if path.is_file())
+    os.utime(file, ns=(0, 0))
+    with pytest.raises(InputError, match=r"delete that file$"):
+        PoolJob(settings, "hall", scan).stored()
+
+
+def test_a_room_of_an_earlier_pool_is_kept(tmp_path: Path) -> None:
+    """Their rows have settings, parts, and what is left out by room and part."""
+    settings = config.load(Config, config.compose("pool", ["rooms=[study]", "count=1", f"out={tmp_path}"]))
+    job = HomeJob(settings, "study", 0)
+    entry = asdict(pool.PoolPart("study_0.usd", "door_1", "revolute", "bar", "study_0_door_1.npz"))
+    assert "capture" not in job.settings
+    job.store({"settings": job.settings, "parts": [entry], "left_out": {"study_0/door_2": "no base"}})
+    (row,) = rooms.make([job], tmp_path, 1)
+    assert (row["name"], row["failed"], row["left_out"]) == ("study_0", "", {"door_2": "no base"})
+    assert "1 parts of 1 rooms" in rooms.write_index(tmp_path, [row])
+
+
+def test_a_pool_without_a_part_fails_with_a_reason_and_has_an_index_to_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    failed = rooms.empty("attic", "/captures/attic", "begin: no annotation")
+    with pytest.raises(InputError, match=r"0 parts of 1 rooms.*attic: begin: no annotation.*s2a report path=") as error:
+        rooms.write_index(tmp_path, [failed])
+    assert "\n" not in str(error.value)
+    assert cli.main(["report", f"path={tmp_path}/pool.json", f"out={tmp_path}/rooms.html"]) == 0
+    assert "no annotation" in (tmp_path / "rooms.html").read_text()
 
 
 @pytest.mark.slow

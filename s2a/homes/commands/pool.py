@@ -76,10 +76,10 @@ WHICH = ("rooms", "first", "count", "homes", "scans", "leave_out")
 
 
 def run(config: Config) -> str:
-    """Make the rooms that are missing or failed, write the index, and return what is in it."""
+    """Make the rooms that are missing or failed, write the index, and return what is in it; InputError where no part is."""
     scans = rooms.captures_of(config.scans) if config.scans else {}
     jobs: list[rooms.RoomJob] = [HomeJob(config, kind, seed) for kind, seed in rooms_of(config)]
-    jobs += [PoolJob(config, name, str(path)) for path, name in scans.items()]
+    jobs += [PoolJob(config, name, path) for path, name in scans.items()]
     about = {key: getattr(config, key) for key in WHICH}
     rows = rooms.make(jobs, config.out, config.jobs)
     return rooms.write_index(config.out, rows, about, lambda part: is_taken(part.handle, config))

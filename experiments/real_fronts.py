@@ -48,7 +48,7 @@ OPENED = 0.5
 REASONS = {"check ": "contradicted", "no base pose": "no base", "s2a prepare": "not prepared"}
 """Outcome by the beginning of the reason why a part is left out of an index; other reasons: no plan."""
 PACE = 3.0
-"""[s] An action on the page, as in experiments/annotate_clicks.py: a click, a drag, or a turn of the camera."""
+"""[s] An action on the page, as in experiments/annotate_clicks.py: a click or a drag."""
 AIMS = 25
 """Faces of a drawn rectangle that the page looks at."""
 KINDS = {"prismatic": "slide", "revolute": "hinge"}
@@ -218,7 +218,8 @@ def corrected(capture: str, folder: Path, out: Path) -> dict:
     """Correct proposals as on the page until they are an annotator's fronts, and write them; return what was done.
 
     Actions: a proposal is selected and removed; a wrong hinge is selected, its mode chosen, its side clicked; of a missing front
-    the camera is turned, the rectangle dragged, the kind chosen, the hinge's side clicked, the handle's mode and place clicked.
+    the rectangle is dragged, the kind chosen, the hinge's side clicked, the handle's mode and place clicked. Turns of the camera
+    are not counted, one or more a missing front.
     """
     scanned = files.read(folder)
     surface = scanned.surface

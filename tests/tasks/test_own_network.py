@@ -6,7 +6,7 @@ import importlib
 import importlib.util
 import json
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,13 @@ import onnx
 import pytest
 import torch
 from cabinet import write_cabinet
+from counting_env import CountingEnv
 
 from s2a import api
 from s2a.commands import evaluate
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.learn.rl.policy_file import PolicyFile
+from s2a.learn.rl.policy_file import PRETRAINED, PolicyFile, wrap
 from s2a.tasks import interface
 from s2a.tasks.env import TaskVectorEnv
 
@@ -77,6 +78,30 @@ def test_an_onnx_file_from_elsewhere_keeps_its_own_metadata(env: TaskVectorEnv, 
     assert {"author": "elsewhere"}.items() <= {p.key: p.value for p in onnx.load(wrapped).metadata_props}.items()
 
 
+def test_an_onnx_file_with_its_weights_beside_it_becomes_one_file(env: TaskVectorEnv, tmp_path: Path) -> None:
+    plain = api.export_policy(Linear(*sizes(env)), tmp_path / "plain.onnx", env)
+    observation = torch.randn(3, sizes(env)[0])
+    expected = PolicyFile(plain).bound(env.worlds)(observation)
+    beside = {"save_as_external_data": True, "location": "plain.onnx.data", "size_threshold": 0}
+    onnx.save(onnx.load(plain), plain, **beside)  # as torch's exporter does by default
+    wrapped = api.export_policy(plain, tmp_path / "alone" / "own.onnx", env)
+    assert list(wrapped.parent.iterdir()) == [wrapped]
+    assert torch.equal(PolicyFile(wrapped).bound(env.worlds)(observation), expected)
+    (tmp_path / "plain.onnx.data").unlink()
+    with pytest.raises(InputError, match=r"plain\.onnx\.data.*weights beside it") as error:
+        api.export_policy(plain, tmp_path / "again.onnx", env)
+    assert "\n" not in str(error.value) and not (tmp_path / "again.onnx").exists()
+
+
+def test_the_policy_in_the_box_is_wrapped_by_its_name(tmp_path: Path) -> None:
+    env = CountingEnv(2)
+    env.observation = torch.zeros(2, 67)
+    sim, task = PolicyFile(Path(PRETRAINED)).world or ()
+    env.sim, env.task = SimpleNamespace(config=sim), SimpleNamespace(config=task)
+    file = PolicyFile(wrap(Path(PRETRAINED), tmp_path / "own.onnx", env))
+    assert file.world == (sim, task) and file.bound(env)(env.observation).shape == (2, 9)
+
+
 class Broken(Linear):
     """A network that returns what is not an action for each world."""
 
@@ -107,14 +132,14 @@ def test_a_network_that_does_not_fit_is_one_line_and_no_file(
     assert "\n" not in str(error.value) and not list(tmp_path.iterdir())
 
 
-def graph(file: Path, observations: int, actions: int, batch: int | str, inputs: int = 1) -> Path:
-    """Write the ONNX file of a matrix of ones, of a number of inputs of which the first counts."""
+def graph(file: Path, observations: int, actions: int, batch: int | str, inputs: int = 1, weight: float = 1.0) -> Path:
+    """Write the ONNX file of a matrix of equal weights, of a number of inputs of which the first counts."""
     kind = onnx.TensorProto.FLOAT
     given = [onnx.helper.make_tensor_value_info(f"obs{i}", kind, [batch, observations]) for i in range(inputs)]
     out = onnx.helper.make_tensor_value_info("out", kind, [batch, actions])
-    ones = onnx.numpy_helper.from_array(np.ones((observations, actions), np.float32), "w")
+    weights = onnx.numpy_helper.from_array(np.full((observations, actions), weight, np.float32), "w")
     node = onnx.helper.make_node("MatMul", ["obs0", "w"], ["out"])
-    body = onnx.helper.make_graph([node], "g", given, [out], [ones])
+    body = onnx.helper.make_graph([node], "g", given, [out], [weights])
     opset = onnx.helper.make_opsetid("", 17)
     onnx.save(onnx.helper.make_model(body, opset_imports=[opset], ir_version=9), file)
     return file
@@ -127,6 +152,7 @@ def graph(file: Path, observations: int, actions: int, batch: int | str, inputs:
         ({"observations": 23, "actions": 7, "batch": "n"}, r"it gives \[3 7\]"),
         ({"observations": 23, "actions": 9, "batch": 1}, "it takes 1 at a time: export it with a dynamic first axis"),
         ({"observations": 23, "actions": 9, "batch": "n", "inputs": 2}, "it has the inputs obs0, obs1"),
+        ({"observations": 23, "actions": 9, "batch": "n", "weight": 3.4e38}, "its actions are not finite"),
     ],
 )
 def test_an_onnx_file_that_does_not_fit_is_one_line(

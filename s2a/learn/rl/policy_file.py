@@ -5,11 +5,10 @@ from __future__ import annotations
 import copy
 import json
 import logging
-import shutil
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -72,7 +71,8 @@ class PolicyFile:
         """Return the mean action [world action] for an observation [world observation].
 
         Raises:
-            InputError: the network does not take these observations, or gives something else than these actions.
+            InputError: the network does not take these observations, or gives something else than these actions, or none that
+                are finite for the first observations of the environment.
         """
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         fits = f"policy {self.name}: {expected(env)}"
@@ -84,17 +84,12 @@ class PolicyFile:
             seen = {inputs[0].name: observation.cpu().numpy().astype(kind, copy=False)}
             return torch.from_numpy(self._session.run([outputs[0].name], seen)[0]).float().to(observation.device)
 
-        given, wanted = inputs[0].shape, (env.num_envs, env.observation.shape[1])
-        if len(given) != 2 or given[1] not in (wanted[1], None) and not isinstance(given[1], str):
+        given = inputs[0].shape
+        if len(given) != 2 or given[1] not in (env.observation.shape[1], None) and not isinstance(given[1], str):
             raise InputError(f"{fits}; it takes {_shape(given)}")
         if isinstance(given[0], int) and given[0] != env.num_envs:
             raise InputError(f"{fits}; it takes {given[0]} at a time: export it with a dynamic first axis")
-        try:
-            action = act(torch.zeros(wanted))
-        except Exception as error:  # of onnxruntime, which has no class of its own for them
-            raise InputError(f"{fits}; it fails on them ({str(error).splitlines()[0]})") from error
-        if action.shape != (env.num_envs, env.num_actions):
-            raise InputError(f"{fits}; it gives {_shape(action.shape)}")
+        _refuse_misfit(act, env, f"policy {self.name}")
         return act
 
 
@@ -113,7 +108,8 @@ def wrap(network: nn.Module | Path, out: Path, env: VecEnv) -> Path:
 
     Args:
         network: a torch module that takes observations [world observation], float32, and returns the mean action
-            [world action], which the environment clamps to [-1, 1]; or an ONNX file of one.
+            [world action], which the environment clamps to [-1, 1]; or an ONNX file of one, with its .onnx.data beside it
+            where it has one; or "pretrained".
         out: the ONNX file to write.
         env: in which it was trained, or another one with the same settings.
 
@@ -123,33 +119,35 @@ def wrap(network: nn.Module | Path, out: Path, env: VecEnv) -> Path:
     """
     if out.suffix != ".onnx":
         raise InputError(f"out {str(out)!r}: a policy file ends in .onnx: give {out.with_suffix('.onnx')}")
+    import onnx  # 0.2 s to import, which no start of a training should pay
+
     with atomic_write(out) as file:
         if isinstance(network, nn.Module):
             module = copy.deepcopy(network).cpu().float().eval()
-            _refuse_misfit(module, env)
+            _refuse_misfit(module, env, "network")
             _write_graph(module, env.observation.shape[1], file)
         else:
             _opened(_found(network))
-            shutil.copyfile(network, file)
+            onnx.save(onnx.load(_found(network)), file)  # with the weights, also those of a file of their own
         _write_world(file, run_folder.world_json(env.sim.config, env.task.config))
         PolicyFile(file).bound(env)
     return out
 
 
-def _refuse_misfit(module: nn.Module, env: VecEnv) -> None:
-    """Raise InputError where a module on the CPU does not give actions for an environment's observations."""
+def _refuse_misfit(act: Callable[[torch.Tensor], Any], env: VecEnv, name: str) -> None:
+    """Raise InputError where a network on the CPU does not give finite actions for an environment's observations."""
     observation = env.observation.cpu().float()
     try:
         with torch.no_grad():
-            action = module(observation)
-    except Exception as error:  # whatever a user's module raises
+            action = act(observation)
+    except Exception as error:  # whatever a user's module raises, or onnxruntime, which has no class of its own for it
         why = (str(error) or type(error).__name__).splitlines()[0]
-        raise InputError(f"network: {expected(env)}; it fails on {_shape(observation.shape)} ({why})") from error
+        raise InputError(f"{name}: {expected(env)}; it fails on {_shape(observation.shape)} ({why})") from error
     if not isinstance(action, torch.Tensor) or action.shape != (env.num_envs, env.num_actions):
         given = _shape(action.shape) if isinstance(action, torch.Tensor) else type(action).__name__
-        raise InputError(f"network: {expected(env)}; it gives {given} for {_shape(observation.shape)}")
+        raise InputError(f"{name}: {expected(env)}; it gives {given} for {_shape(observation.shape)}")
     if not action.isfinite().all():
-        raise InputError("network: its actions are not finite for an observation of this environment")
+        raise InputError(f"{name}: its actions are not finite for an observation of this environment")
 
 
 def _found(path: Path) -> Path:
@@ -187,7 +185,8 @@ def _opened(file: Path) -> onnxruntime.InferenceSession:
         return onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # of onnxruntime, which has no class of its own for them
         why = (str(error) or type(error).__name__).splitlines()[0]
-        raise InputError(f"{file}: not a policy ({why}); give an .onnx that s2a train wrote") from error
+        remedy = "give an .onnx that s2a train wrote, with the file of its weights beside it where it has one"
+        raise InputError(f"{file}: not a policy ({why}); {remedy}") from error
 
 
 def annotate(file: Path, world: Path) -> None:

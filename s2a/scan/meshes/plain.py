@@ -25,6 +25,11 @@ FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<
 COLORED = 0x8000
 """Bit of a facet's colour: set by VisCAM and SolidView where it counts, by Magics where it does not."""
 CORNER = re.compile(rb"(?:^|[\r\n])[ \t]*vertex[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.IGNORECASE)
+ENDFACET = re.compile(rb"\bend[ \t]?facet\b", re.IGNORECASE)
+ENDSOLID = re.compile(
+    rb"(?:^|[\r\n])[ \t]*end[ \t]?solid\b[^\r\n]*(?:[\r\n][ \t]*(?:#[^\r\n]*)?)*[\s\0\x1a]*\Z", re.IGNORECASE
+)
+"""The end of a text STL file: a name may follow, and comments."""
 HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF")
 """The first word of an OFF file: what its vertices have beside coordinates, in the order of its letters but for the colour."""
 
@@ -56,6 +61,11 @@ def _stl(path: Path, data: bytes) -> SourceMesh:
     # Binary files may begin with "solid", too; a text of this very length would be a strange chance.
     if len(data) != end and (found := CORNER.findall(data)):
         corners = np.array(found).astype(np.float64).reshape(-1, 3, 3)
+        ends = len(ENDFACET.findall(data))
+        if ends < len(corners):
+            raise ValueError(f"{ends} of {len(corners)} facets end")
+        if not ENDSOLID.search(data[-1000:]):
+            raise ValueError("no endsolid at its end")
         return _mesh(corners.reshape(-1, 3), np.full(len(corners), 3), np.arange(3 * len(corners)))
     if len(data) < max(end, 84):
         raise ValueError(f"{len(data)} of {max(end, 84)} bytes")
@@ -101,22 +111,27 @@ def _off(path: Path) -> SourceMesh:
     if (counts != [len(polygon) for polygon in polygons]).any():
         raise ValueError("a face with fewer vertices than its row says")
     at = 6 if header is not None and header[3] else 3
-    of_vertices = (
-        _levels(path, "vertices", [row[at:] for row in rows[1 : vertices + 1]]) if header and header[2] else None
-    )
+    colored = header is not None and header[2] is not None
+    of_vertices = _levels(path, "vertices", [row[at:] for row in rows[1 : vertices + 1]], colored)
     of_faces = _levels(path, "faces", [row[1 + n :] for row, n in zip(rows[vertices + 1 :], counts, strict=False)])
     indices = np.array([index for polygon in polygons for index in polygon], dtype=np.int64)
     return _mesh(points, counts, indices, of_vertices, of_faces)
 
 
-def _levels(path: Path, what: str, rows: list[list[str]]) -> np.ndarray | None:
-    """Return the colours at the ends of rows, sRGB, 0 to 1, shape [row 3], NaN for none; None where no row has one."""
+def _levels(path: Path, what: str, rows: list[list[str]], colored: bool = True) -> np.ndarray | None:
+    """Return the colours at the ends of rows, sRGB, 0 to 1, shape [row 3], NaN for none; None where no row has one.
+
+    `colored`: whether they are colours by the file's header.
+    """
     table = np.full((len(rows), 3), np.nan)
-    for number, row in enumerate(rows):
-        if len(row) in (3, 4):
-            table[number] = [float(word) for word in row[:3]]
-    if lost := sum(0 < len(row) < 3 for row in rows):
-        _log.warning("%s: %d %s name colours of a map, which is not read; they become grey", path, lost, what)
+    read = [colored and len(row) in (3, 4) for row in rows]
+    for number in np.flatnonzero(read):
+        table[number] = [float(word) for word in rows[number][:3]]
+    if lost := sum(len(row) > 0 for row, is_read in zip(rows, read, strict=True) if not is_read):
+        text = (
+            "%s: %d %s end in numbers that are not read (of a colour map, of a texture, or without a C in the header)"
+        )
+        _log.warning(f"{text}; a colour is 3 or 4 numbers", path, lost, what)
     return None if np.isnan(table).all() else fractions(table)
 
 

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from drawer_room import drawer_room
-from settings import skills
+from settings import load, skills
 
 from s2a.core.errors import InputError
 from s2a.language.ask import Answer, Request, UsageLog
 from s2a.language.do import plan as prompts
-from s2a.language.do.episode import Outcome, RoomChange, at_state, opened_by, riders
+from s2a.language.do.episode import ExecutionConfig, Outcome, RoomChange, at_state, opened_by, riders
 from s2a.language.do.facts import gather, lines, possible, text
 from s2a.language.do.plan import MAX_SENTENCE, Skill, check_sentence
 from s2a.language.do.run import RoomContext, do, make_plan
+from s2a.learn.rl.policy_file import PRETRAINED, PolicyFile
+from s2a.motion.trajectory import PlannerConfig
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimRoom
+from s2a.sim.camera import CameraConfig
+from s2a.sim.simulation import SimConfig
+from s2a.tasks.close_part import ClosePartConfig
+from s2a.tasks.open_part import OpenPartConfig
 
 OPEN = {"skill": "open", "part": "drawer_2", "object": None, "support": None}
 CLOSE = {**OPEN, "skill": "close"}
@@ -252,3 +259,15 @@ def test_a_refusal_names_what_was_asked_and_what_is_possible(context: RoomContex
     assert "open or close: drawer_2; pick up: cube_9, cube_10" in message
     assert message.isprintable()
     assert len(message) < 700
+
+
+def test_a_policy_acts_with_its_own_arm_in_the_room_as_it_is() -> None:
+    policy = PolicyFile(Path(PRETRAINED))
+    assert policy.world is not None and policy.world[0].vary is not None
+    sim, planner = load(SimConfig, "sim/put_in"), load(PlannerConfig, "planner/default")
+    config = ExecutionConfig("panda", "cpu", 0, sim, None, planner, load(CameraConfig, "camera/default"), policy)
+    task = load(OpenPartConfig, "task/open_part", episode_steps=77)
+    physics, mdp = config.world(task)
+    assert physics == replace(policy.world[0], vary=None) and mdp == replace(policy.world[1], episode_steps=77)
+    other = load(ClosePartConfig, "task/close_part")
+    assert config.world(other) == (sim, other)

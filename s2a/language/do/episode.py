@@ -73,7 +73,7 @@ class ExecutionConfig:
         skills: their tasks, as the key `skills`.
         planner: the planner's motion.
         camera: of the images.
-        policy: that does the skills of its task in the planner's place, in the world in which it was trained; None: none does.
+        policy: that does the skills of its task in the planner's place; None: none does. See `world`.
     """
 
     robot: str
@@ -89,6 +89,19 @@ class ExecutionConfig:
         """Return the policy where it does a task; one that does not say of which it is opens."""
         world = self.policy.world if self.policy else None
         return self.policy if task.name == (world[1].name if world else "open_part") else None
+
+    def world(self, task: MdpConfig) -> tuple[SimConfig, MdpConfig]:
+        """Return how physics is stepped in an episode of a task, and what the robot sees and does in it.
+
+        With a policy they are those of its training: steps, solver, gains and limits of the arm, resistance of the joint, and
+        the delays of actions and errors of the grasp that it sees, drawn for an episode. Only the episode's length is the
+        skill's own, and nothing of the room or arm is drawn (`vary`): masses and friction are those that the planner meets.
+        """
+        policy = self.policy_of(task)
+        if policy is None:
+            return self.sim, task
+        physics, mdp = policy.worlds(self.sim, task)
+        return replace(physics, vary=None), replace(mdp, episode_steps=task.episode_steps)
 
 
 @dataclass(frozen=True)
@@ -266,10 +279,7 @@ def _episode(
     settings = getattr(config.skills, skill.skill)
     task = tasks.task(settings.task.name)
     opened = opened_by(room, state).get(skill.part or "", 0.0)
-    policy, physics, mdp = config.policy_of(settings.task), config.sim, settings.task
-    if policy:
-        physics, mdp = policy.worlds(physics, mdp)
-        mdp = replace(mdp, episode_steps=settings.task.episode_steps)
+    policy, (physics, mdp) = config.policy_of(settings.task), config.world(settings.task)
     mdp = task.requested(mdp, (skill.support or skill.part) if skill.object else None, opened)
     now = at_state(room, state)
     also = riders(now, skill.part) if skill.part and not skill.object else []

@@ -6,7 +6,8 @@
 
 The last takes the index of s2a dataset and the file of s2a bench on it. Its rows are all fronts of a room, also those without a
 proposal: annotated ones of real captures, and the parts that move of virtual homes, whose folder with its truth has to lie where
-the index names it. A front is opened where its proposal has its kind and opens in half of the episodes or more.
+the index names it. A front is opened where its proposal has its kind, and its hinge on the annotator's side where the annotator
+gave one, and opens in half of the episodes or more; it is grasped where it is also opened with a grasp in as many.
 
 A pass on the annotation page, played by a program that has annotator A's fronts: false proposals removed, the others taken over,
 missing ones drawn with kind and handle, all by the page's own editor; its actions are counted:
@@ -145,14 +146,15 @@ def outcomes(index: Path, bench: Path) -> Iterator[dict]:
         bench: of s2a bench on that index.
     """
     content, results = json.loads(index.read_text()), json.loads(bench.read_text())["parts"]
-    success = {(row["room"], row["part"]): row["success"] for row in results}
+    rates = {(row["room"], row["part"]): row for row in results}
     for verdict in content["verdicts"]:
         name, source = verdict["name"], Path(verdict["source"])
         folder = index.parent / name / "annotated"
         folder = folder if folder.is_dir() else source
         home = (source if source.is_dir() else source.resolve().parent) / "truth/truth.json"
         parts = scan.read(folder).movable if not verdict["failed"] else ()
-        truths: dict[str, tuple[list[tuple[str, str]], np.ndarray, float]] = {}
+        truths: dict[str, tuple[list[tuple[str, str, str | None]], np.ndarray, float]] = {}
+        sides: list[str | None] = [None] * len(parts)
         if home.is_file():
             truths["truth"] = *_virtual(home, folder, parts), MATCH_FACES
         for path in sorted(ROOMS.glob(f"{name}.?.json")):
@@ -162,34 +164,46 @@ def outcomes(index: Path, bench: Path) -> Iterator[dict]:
             scores = np.array([[one.overlap(other) for other in fronts] for one in real]).reshape(
                 len(real), len(fronts)
             )
-            truths[annotator] = [(i, one.kind) for i, one in zip(ids, real, strict=True)], scores, MATCH
+            truths[annotator] = [(i, one.kind, one.hinge) for i, one in zip(ids, real, strict=True)], scores, MATCH
+            sides = [front.hinge for front in fronts]
         kinds = [KINDS[scan.read(folder).joint(part).kind] for part in parts]
         for annotator, (real_parts, scores, least) in truths.items():
             pairs = dict(matches(scores, least))
-            for i, (front, kind) in enumerate(real_parts):
+            for i, (front, kind, side) in enumerate(real_parts):
                 row = {"room": name, "truth": annotator, "front": front, "kind": kind, "outcome": "no proposal"}
                 if i in pairs:
                     part = parts[pairs[i]]
-                    rate = success.get((f"{name}.usd", part))
-                    row |= {"part": part, "success": rate, "outcome": outcome(rate, verdict["left_out"].get(part, ""))}
-                    row["outcome"] = row["outcome"] if kinds[pairs[i]] == kind else "wrong kind"
+                    rate, grasped = (
+                        rates.get((f"{name}.usd", part), {}).get(key) for key in ("success", "grasp_success")
+                    )
+                    row |= {"part": part, "success": rate, "grasp_success": grasped}
+                    row["outcome"] = outcome(rate, verdict["left_out"].get(part, ""))
+                    if wrong := misfit((kind, side), (kinds[pairs[i]], sides[pairs[i]])):
+                        row["outcome"] = wrong
                 yield row
 
 
+def misfit(truth: tuple[str, str | None], proposal: tuple[str, str | None]) -> str:
+    """Return what is wrong with the kind and hinge side of a proposal; empty where they fit, or a side is not known."""
+    if proposal[0] != truth[0]:
+        return "wrong kind"
+    return "wrong hinge" if truth[1] and proposal[1] and truth[1] != proposal[1] else ""
+
+
 def outcome(rate: float | None, reason: str) -> str:
-    """Return what became of a proposal of the right kind: its rate in a bench, or why it is not in the index."""
+    """Return what became of a proposal that fits: its rate in a bench, or why it is not in the index."""
     if rate is not None:
         return "opened" if rate >= OPENED else "opened less than half"
     return next((outcome for start, outcome in REASONS.items() if reason.startswith(start)), "no plan")
 
 
-def _virtual(truth: Path, folder: Path, parts: tuple[str, ...]) -> tuple[list[tuple[str, str]], np.ndarray]:
+def _virtual(truth: Path, folder: Path, parts: tuple[str, ...]) -> tuple[list[tuple[str, str, None]], np.ndarray]:
     """Return id and kind of each part of a virtual home that moves, and its overlaps with annotated parts [truth part]."""
     home, facts = truth.parent.parent, json.loads(truth.read_text())
-    real = [(name, KINDS[one["joint"]["kind"]]) for name, one in facts["parts"].items() if "joint" in one]
+    real = [(name, KINDS[one["joint"]["kind"]], None) for name, one in facts["parts"].items() if "joint" in one]
     scores = np.zeros((len(real), len(parts)))
     if folder == home:
-        return real, np.array([[float(name == part) for part in parts] for name, _ in real]).reshape(scores.shape)
+        return real, np.array([[float(name == part) for part in parts] for name, *_ in real]).reshape(scores.shape)
     if not parts:
         return real, scores
     surface = files.read(folder).surface
@@ -201,7 +215,7 @@ def _virtual(truth: Path, folder: Path, parts: tuple[str, ...]) -> tuple[list[tu
             source = np.where(source < 0, -1, sources[source])
     true_faces = {name: faces for name, faces, _ in true_parts(home, files.read(home), facts, surface, source)}
     annotation = articulate3d.read_parts(scan_files.find(folder).parts, files.read(folder).mesh)
-    for i, (name, _) in enumerate(real):
+    for i, (name, *_) in enumerate(real):
         for j, part in enumerate(parts):
             faces = faces_of(part, annotation)
             scores[i, j] = overlap(surface, faces, true_faces[name]) if name in true_faces else 0.0
@@ -209,9 +223,11 @@ def _virtual(truth: Path, folder: Path, parts: tuple[str, ...]) -> tuple[list[tu
 
 
 def opened(rows: list[dict]) -> dict:
-    """Return the share of fronts that are opened, and how many there are of each outcome."""
+    """Return the shares of fronts that are opened, and opened with a grasp, and how many there are of each outcome."""
     counts = Counter(row["outcome"] for row in rows)
-    return {"fronts": len(rows), "opened": round(counts["opened"] / max(len(rows), 1), 3), "outcomes": dict(counts)}
+    grasped = sum(row["outcome"] == "opened" and (row["grasp_success"] or 0.0) >= OPENED for row in rows)
+    shares = {name: round(n / max(len(rows), 1), 3) for name, n in (("opened", counts["opened"]), ("grasped", grasped))}
+    return {"fronts": len(rows), **shares, "outcomes": dict(counts)}
 
 
 def corrected(capture: str, folder: Path, out: Path) -> dict:

@@ -22,7 +22,7 @@ from PIL import Image
 from ratings import table as ratings
 from ratings import verdicts
 from real_captures import line_of, row_of
-from real_fronts import opened, outcome, outcomes
+from real_fronts import misfit, opened, outcome, outcomes
 from reward_ablation import COLUMNS, move_grasp, table, table_rows
 from scipy.spatial.transform import Rotation
 from side_by_side import gpu_slots, run
@@ -222,11 +222,19 @@ def test_fronts_of_a_room_that_failed_count_as_not_opened(tmp_path: Path) -> Non
     bench.write_text(json.dumps({"parts": []}))
     rows = list(outcomes(index, bench))
     assert [sum(row["truth"] == annotator for row in rows) for annotator in "AB"] == [9, 11]
-    assert opened(rows) == {"fronts": 20, "opened": 0.0, "outcomes": {"no proposal": 20}}
+    assert opened(rows) == {"fronts": 20, "opened": 0.0, "grasped": 0.0, "outcomes": {"no proposal": 20}}
 
 
 def test_a_front_is_opened_from_half_of_its_episodes_on() -> None:
     assert [outcome(rate, "") for rate in (1.0, 0.5, 0.4375)] == ["opened", "opened", "opened less than half"]
     reasons = ("check slide_axis: 13 deg", "no base pose is free: 0.5 m before", "s2a prepare leaves it out", "its arm")
     assert [outcome(None, reason) for reason in reasons] == ["contradicted", "no base", "not prepared", "no plan"]
-    assert opened([{"outcome": "opened"}, {"outcome": "no base"}])["opened"] == 0.5
+    rows = [{"outcome": "opened", "grasp_success": rate} for rate in (0.0, 1.0)]
+    figures = opened([*rows, {"outcome": "no base"}, {"outcome": "wrong hinge", "grasp_success": 1.0}])
+    assert figures["opened"] == 0.5 and figures["grasped"] == 0.25
+
+
+def test_a_front_with_its_hinge_on_the_wrong_side_is_not_opened() -> None:
+    truth = ("hinge", "left")
+    assert misfit(truth, ("hinge", "right")) == "wrong hinge" and misfit(truth, ("slide", None)) == "wrong kind"
+    assert not misfit(truth, truth) and not misfit(("hinge", None), truth) and not misfit(truth, ("hinge", None))

@@ -160,7 +160,8 @@ def _near(mesh: Mesh, origin: np.ndarray, reach: float = 0.15) -> bool:
 
 
 PRESS_FORCE, ON_REGION = 1.0, 0.005
-"""[N] Force with which a finger counts as pressing; [m] distance of a contact from the region that it is on. As in the tasks."""
+"""[N] Force with which a finger counts as pressing; [m] distance of a contact from the region that it is on. Those of the tasks'
+files, `contact_force` and `contact_distance`, which a check of the room alone does not read."""
 
 
 @dataclass(frozen=True)
@@ -302,7 +303,11 @@ def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: Gr
 
 
 def _missing(world: MujocoWorld, data: mujoco.MjData) -> str:
-    """Return in words why the fingers do not hold the region by the metrics' rule (`is_grasped`); empty where they do."""
+    """Return in words why the fingers do not pinch the region; empty where both press on it from opposed sides.
+
+    Not the whole rule of the tasks' metrics (`is_grasped`): there one finger is enough for a region wider than the gripper opens,
+    and nothing else of the robot may push the part harder.
+    """
     surface = touched(world.stage)
     region = ray_mesh(surface.vertices, surface.faces)
     pressed, normals = np.zeros(2), np.zeros((2, 3))

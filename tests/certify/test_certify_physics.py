@@ -22,6 +22,7 @@ from s2a.certify.physics import MujocoWorld
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.joints import frame
 from s2a.scene.usd.stage import new_stage, save
+from s2a.tasks.open_part import OpenPartConfig
 
 ROOM = "/scene/static/colliders/room_3_01"
 PANDA = robot.load("panda")
@@ -32,6 +33,11 @@ QUICK = replace(CONFIG, motion=replace(CONFIG.motion, rest_time=0.2, open_time=0
 @pytest.fixture
 def stage(tmp_path: Path) -> Path:
     return write_cabinet(tmp_path / "sim.usda")
+
+
+def test_a_finger_presses_from_the_force_and_distance_on_as_in_the_tasks() -> None:
+    task: OpenPartConfig = load(OpenPartConfig, "task/open_part")
+    assert (grasp.PRESS_FORCE, grasp.ON_REGION) == (task.contact_force, task.contact_distance)
 
 
 def clash(stage: Usd.Stage) -> None:

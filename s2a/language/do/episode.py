@@ -93,8 +93,8 @@ class ExecutionConfig:
     def world(self, task: MdpConfig) -> tuple[SimConfig, MdpConfig]:
         """Return how physics is stepped in an episode of a task, and what the robot sees and does in it.
 
-        With a policy they are those of its training: steps, solver, gains and limits of the arm, resistance of the joint, and
-        the delays of actions and errors of the grasp that it sees, drawn for an episode. Only the episode's length is the
+        With a policy they are those of its training: steps, solver, gains and limits of the arm, spring and damping of the joint,
+        and the delays of actions and errors of the grasp that it sees, drawn for an episode. Only the episode's length is the
         skill's own, and nothing of the room or arm is drawn (`vary`): masses and friction are those that the planner meets.
         """
         policy = self.policy_of(task)

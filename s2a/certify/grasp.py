@@ -22,7 +22,7 @@ from s2a.scene.geometry.mesh_ops import keep, merge, sample
 from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import read_attribute, read_mesh, world_pose
-from s2a.sim.contacts import OPPOSED, touched
+from s2a.sim.world import OPPOSED, touched
 
 MARGIN = 0.002
 """[m] Accuracy of a scan: points nearer to its surface count as occupied."""

@@ -8,19 +8,13 @@ import mujoco_warp
 import numpy as np
 import warp as wp
 
-from s2a.scene.geometry.mesh_ops import merge
-from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scene.scene import Mesh
 from s2a.sim.simulation import Simulation
-from s2a.sim.world import SimStage
+from s2a.sim.world import touched
 
 LEFT, RIGHT, LINK, PART = (wp.constant(i) for i in range(4))
 """What a collider belongs to: a finger, any other link of the robot, the body that is watched; -1 for anything else."""
 
-OPPOSED = -0.5
-"""Cosine between the forces of both fingers below which they pinch: more than 120 degrees apart."""
-SECTION = 0.03
-"""[m] A handle's section is no thicker, so that its unseen side is no farther from the seen one."""
 
 
 @wp.struct
@@ -145,17 +139,6 @@ class ContactSensor:
         mujoco_warp.contact_force(sim.solver.mjw_model, data, self._ids, False, self._sensor.force)
         self._sensor.body_q = sim.before.body_q.reshape((sim.num_envs, -1))
         wp.launch(collect, dim=data.naconmax, inputs=[self._sensor, self.found])
-
-
-def touched(stage: SimStage) -> Mesh:
-    """Return the surface on which a contact is on the grasp region: what was scanned of it, and hulls that complete it.
-
-    No scanner sees behind a handle, where a finger presses. A hull completes the region if it stands for another part than the
-    target, which is the handle's way to be one, and lies nowhere farther than SECTION from the scanned region.
-    """
-    hulls = [c.mesh for c in (stage.room.bodies | stage.room.free)[stage.target].colliders if c.part != stage.target]
-    surface = ray_mesh(stage.region.vertices, stage.region.faces)
-    return merge([stage.region, *(h for h in hulls if (nearest_faces(surface, h.vertices, SECTION)[0] >= 0).all())])
 
 
 def query_mesh(mesh: Mesh) -> wp.Mesh:

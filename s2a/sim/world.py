@@ -17,11 +17,17 @@ from s2a.core.errors import InputError
 from s2a.robot.model import add_robot
 from s2a.robot.spec import Gains, RobotSpec
 from s2a.scene.articulation import lever_arm, travel
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
 from s2a.sim.room import Workspace, add_pedestal, add_room, kept_bodies, pedestal, workspace
 
+OPPOSED = -0.5
+"""Cosine between the forces of both fingers below which they pinch: more than 120 degrees apart."""
+SECTION = 0.03
+"""[m] A handle's section is no thicker, so that its unseen side is no farther from the seen one."""
 SURFACE = 3e4
 """[N/m] Stiffness of what lies free at a point of contact. Ten times as much made a bottle of 170 g tremble between the pads,
 and fall: the solver did not converge."""
@@ -306,3 +312,14 @@ def axis_of(builder: newton.ModelBuilder, part: str, kind: str) -> tuple[int, in
     joint = builder.joint_child.index(body)
     further = int(kind == "revolute" and sum(builder.joint_dof_dim[joint]) == 2)
     return builder.joint_q_start[joint] + further, builder.joint_qd_start[joint] + further
+
+
+def touched(stage: SimStage) -> Mesh:
+    """Return the surface on which a contact is on the grasp region: what was scanned of it, and hulls that complete it.
+
+    No scanner sees behind a handle, where a finger presses. A hull completes the region if it stands for another part than the
+    target, which is the handle's way to be one, and lies nowhere farther than SECTION from the scanned region.
+    """
+    hulls = [c.mesh for c in (stage.room.bodies | stage.room.free)[stage.target].colliders if c.part != stage.target]
+    surface = ray_mesh(stage.region.vertices, stage.region.faces)
+    return merge([stage.region, *(h for h in hulls if (nearest_faces(surface, h.vertices, SECTION)[0] >= 0).all())])

@@ -21,9 +21,9 @@ from s2a.motion.trajectory import PlannerConfig
 from s2a.scene.geometry.mesh_ops import keep, normals
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd.sim_scene import Collider
-from s2a.sim.contacts import ContactSensor, touched
+from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.sim.world import SimStage, read_stage
+from s2a.sim.world import SimStage, read_stage, touched
 from s2a.tasks.env import VecEnv
 
 LEFT, RIGHT, LINK, PART, OTHER = 0, 1, 2, 3, -1

@@ -118,6 +118,10 @@ def _executor(config: Config, room: sim_stage.SimRoom) -> Any:
         PolicyFile(config.policy) if config.policy else None,
     )
     known = {each.task.name for each in vars(config.skills).values()}
+    if settings.policy and not settings.policy.world:
+        raise InputError(
+            f"policy {config.policy}: does not say of which task it is; write it with s2a.api.export_policy (docs/own_network.md)"
+        )
     if settings.policy and settings.policy.world and (task := settings.policy.world[1].name) not in known:
         raise InputError(f"policy {config.policy}: of task {task}, and the skills are of {', '.join(sorted(known))}")
 

@@ -86,9 +86,9 @@ class ExecutionConfig:
     policy: PolicyFile | None = None
 
     def policy_of(self, task: MdpConfig) -> PolicyFile | None:
-        """Return the policy where it does a task; one that does not say of which it is opens."""
+        """Return the policy where it does a task; one that does not say of which it is does none."""
         world = self.policy.world if self.policy else None
-        return self.policy if task.name == (world[1].name if world else "open_part") else None
+        return self.policy if world and task.name == world[1].name else None
 
     def world(self, task: MdpConfig) -> tuple[SimConfig, MdpConfig]:
         """Return how physics is stepped in an episode of a task, and what the robot sees and does in it.

@@ -8,13 +8,13 @@ horizontal bar), moving with the part; of a free object that of its body. The op
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import warp as wp
 
-from s2a.sim import contacts
+from s2a.sim import world as worlds
 from s2a.sim.contacts import PartContacts
 from s2a.tasks.state import Carried, State, TaskTarget, World
 
 wp.set_module_options({"enable_backward": False})  # half the time to compile
 
-OPPOSED = wp.constant(contacts.OPPOSED)
+OPPOSED = wp.constant(worlds.OPPOSED)
 
 
 @wp.struct

@@ -16,7 +16,6 @@ LEFT, RIGHT, LINK, PART = (wp.constant(i) for i in range(4))
 """What a collider belongs to: a finger, any other link of the robot, the body that is watched; -1 for anything else."""
 
 
-
 @wp.struct
 class PartContacts:
     """Contacts of the robot in the last physics step; forces in N, directions in the world frame.

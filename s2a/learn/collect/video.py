@@ -165,7 +165,7 @@ def _opened(
     path: Path, codec: str, pixels: str, size: tuple[int, int], fps: int, options: dict[str, str]
 ) -> tuple[Any, Any]:
     path.parent.mkdir(parents=True, exist_ok=True)
-    file = av.open(str(path), "w")
+    file = av.open(str(path), "w", container_options={"fflags": "+bitexact"})  # Matroska gets a random number else
     stream: Any = file.add_stream(codec, rate=fps, options=options)
     stream.width, stream.height = size
     stream.pix_fmt = pixels

@@ -269,7 +269,10 @@ def test_a_small_disk_takes_whole_files_or_nothing(
     process = begun(command, inputs, disk, 0)
     if process.wait() in (0, 1):
         print(command, size, "fits")
-        assert repeatable(content(disk)) == before | whole(command)
+        present, expected = repeatable(content(disk)), before | whole(command)
+        if command == "train":  # whose files hold how long it took, the log's name when
+            present, expected = ({name for name in files if "tfevents" not in name} for files in (present, expected))
+        assert present == expected
         return
     line = refused(process)
     print(command, size, line)

@@ -26,29 +26,19 @@ NO_FACES = np.empty(0, np.int64)
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """A part that moves.
+    """A part that moves."""
 
-    Attributes:
-        region: its front.
-        label: its name; empty: the usual one of its joint's kind.
-        joint: None while nobody has said how it moves.
-        handle: numbers of its handle's faces; those of the region count as the handle's, too.
-        completed: shape of a handle that was added where the mesh shows none; empty for a scanned one.
-        proposed: nobody has accepted it yet.
-        score: of a proposal, 0 to 1.
-        grip: place at which a proposal's handle was seen [m], shape [3]; None where none was, and for all others.
-        number: of the part in an existing annotation that is edited; None for a new one.
-    """
-
-    region: FrontRegion
-    label: str = ""
-    joint: Joint | None = None
+    region: FrontRegion  # its front
+    label: str = ""  # its name; empty: the usual one of its joint's kind
+    joint: Joint | None = None  # None while nobody has said how it moves
+    # numbers of its handle's faces; those of the region count as the handle's, too
     handle: np.ndarray = field(default_factory=lambda: NO_FACES)
-    completed: str = ""
-    proposed: bool = False
-    score: float = 1.0
+    completed: str = ""  # shape of a handle that was added where the mesh shows none; empty for a scanned one
+    proposed: bool = False  # nobody has accepted it yet
+    score: float = 1.0  # of a proposal, 0 to 1
+    # place at which a proposal's handle was seen [m], shape [3]; None where none was, and for all others
     grip: np.ndarray | None = None
-    number: int | None = None
+    number: int | None = None  # of the part in an existing annotation that is edited; None for a new one
 
     @property
     def name(self) -> str:
@@ -63,15 +53,10 @@ class Item:
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """All parts so far.
+    """All parts so far."""
 
-    Attributes:
-        surface: the scan, split where borders cross its triangles.
-        items: the parts.
-    """
-
-    surface: SplitSurface
-    items: tuple[Item, ...] = ()
+    surface: SplitSurface  # the scan, split where borders cross its triangles
+    items: tuple[Item, ...] = ()  # the parts
 
     def added(self, item: Item) -> Draft:
         """Return the annotation with one more part."""

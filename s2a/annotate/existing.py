@@ -31,29 +31,17 @@ FULL = 0.97
 
 @dataclass(frozen=True)
 class Existing:
-    """Articulate3D's two files of a scan, and the parts in them that a page can edit.
+    """Articulate3D's two files of a scan, and the parts in them that a page can edit."""
 
-    Attributes:
-        files: of the scan's folder.
-        parts: content of `<scene>_parts.json`.
-        articulations: content of `<scene>_artic.json`.
-        listed: faces of each part by its number.
-        joints: of all parts that move.
-        items: parts that move and have faces of their own.
-        handles: numbers of the parts that are each item's handle.
-        carried: numbers of all that moves with each item, itself first.
-        source: for each face the face of the first scan that it is a piece of, or ADDED, shape [face].
-    """
-
-    files: ScanFiles
-    parts: Document
-    articulations: Document
-    listed: Mapping[int, np.ndarray]
-    joints: Mapping[int, Joint]
-    items: Mapping[int, Item]
-    handles: Mapping[int, tuple[int, ...]]
-    carried: Mapping[int, tuple[int, ...]]
-    source: np.ndarray
+    files: ScanFiles  # of the scan's folder
+    parts: Document  # content of `<scene>_parts.json`
+    articulations: Document  # content of `<scene>_artic.json`
+    listed: Mapping[int, np.ndarray]  # faces of each part by its number
+    joints: Mapping[int, Joint]  # of all parts that move
+    items: Mapping[int, Item]  # parts that move and have faces of their own
+    handles: Mapping[int, tuple[int, ...]]  # numbers of the parts that are each item's handle
+    carried: Mapping[int, tuple[int, ...]]  # numbers of all that moves with each item, itself first
+    source: np.ndarray  # for each face the face of the first scan that it is a piece of, or ADDED, shape [face]
 
     def start(self, surface: SplitSurface) -> Draft:
         """Return the annotation as it is."""

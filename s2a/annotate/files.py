@@ -115,15 +115,10 @@ RECORD = "annotate.json"
 
 @dataclass(frozen=True)
 class BareScan:
-    """A scan whose annotation, if it has one, is not read.
+    """A scan whose annotation, if it has one, is not read."""
 
-    Attributes:
-        files: of its folder.
-        mesh: as its file holds it.
-    """
-
-    files: BareFiles
-    mesh: ScanMesh
+    files: BareFiles  # of its folder
+    mesh: ScanMesh  # as its file holds it
 
     @property
     def surface(self) -> SplitSurface:

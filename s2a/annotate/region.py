@@ -47,21 +47,13 @@ class GrowConfig:
 
 @dataclass(frozen=True, eq=False)
 class FrontRegion:
-    """A flat piece of a surface and the rectangle around it.
+    """A flat piece of a surface and the rectangle around it."""
 
-    Attributes:
-        normal: unit, to the side that its faces look to, shape [3].
-        center: middle of the rectangle, on the plane [m], shape [3].
-        axes: directions of the rectangle's sides as columns: the first level, shape [3 2].
-        size: lengths of its sides along `axes` [m], shape [2].
-        faces: numbers of its faces, sorted.
-    """
-
-    normal: np.ndarray
-    center: np.ndarray
-    axes: np.ndarray
-    size: np.ndarray
-    faces: np.ndarray
+    normal: np.ndarray  # unit, to the side that its faces look to, shape [3]
+    center: np.ndarray  # middle of the rectangle, on the plane [m], shape [3]
+    axes: np.ndarray  # directions of the rectangle's sides as columns: the first level, shape [3 2]
+    size: np.ndarray  # lengths of its sides along `axes` [m], shape [2]
+    faces: np.ndarray  # numbers of its faces, sorted
 
     @property
     def offset(self) -> float:

@@ -20,15 +20,10 @@ ON_PLANE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class SplitSurface(TriangleSurface):
-    """A scan's mesh; faces keep their numbers, later ones are appended.
+    """A scan's mesh; faces keep their numbers, later ones are appended."""
 
-    Attributes:
-        colors: RGB, shape [vertex 3], 0 to 255, float64.
-        source: face of the scan that each face is a piece of, shape [face]; ADDED for what was not scanned.
-    """
-
-    colors: np.ndarray
-    source: np.ndarray
+    colors: np.ndarray  # RGB, shape [vertex 3], 0 to 255, float64
+    source: np.ndarray  # face of the scan that each face is a piece of, shape [face]; ADDED for what was not scanned
 
     @staticmethod
     def of(vertices: np.ndarray, faces: np.ndarray, colors: np.ndarray | None) -> SplitSurface:

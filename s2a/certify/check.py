@@ -61,27 +61,16 @@ class Suite(Generic[S, C]):
 
 @dataclass(frozen=True)
 class ValidationReport:
-    """How ready for simulation a stage is.
+    """How ready for simulation a stage is."""
 
-    Attributes:
-        stage: the file.
-        sha256: of its content (`s2a.scene.usd.stamp.content_hash`).
-        target: id of the part that moves; empty if the stage names none.
-        checks: every check, in order.
-        graspable: A parallel gripper can hold and pull the grasp region; None if that check was skipped.
-        settings: bounds and measurement settings, as plain values.
-        seconds: it took [s].
-        provenance: code, versions, machine.
-    """
-
-    stage: str
-    sha256: str
-    target: str
-    checks: tuple[Check, ...]
-    graspable: bool | None
-    settings: dict[str, object]
-    seconds: float
-    provenance: dict[str, object] = field(default_factory=dict)
+    stage: str  # the file
+    sha256: str  # of its content (`s2a.scene.usd.stamp.content_hash`)
+    target: str  # id of the part that moves; empty if the stage names none
+    checks: tuple[Check, ...]  # every check, in order
+    graspable: bool | None  # A parallel gripper can hold and pull the grasp region; None if that check was skipped
+    settings: dict[str, object]  # bounds and measurement settings, as plain values
+    seconds: float  # it took [s]
+    provenance: dict[str, object] = field(default_factory=dict)  # code, versions, machine
 
     @property
     def failed(self) -> tuple[Check, ...]:

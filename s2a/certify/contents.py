@@ -18,27 +18,16 @@ from s2a.scene.usd.stage import ROOT, reading
 
 @dataclass(frozen=True)
 class Contents:
-    """The prims that the rules ask.
+    """The prims that the rules ask."""
 
-    Attributes:
-        stage: the open stage.
-        part: id of the articulated part that is asked about; empty if the stage has none.
-        target: the prim of that name, or None.
-        joint: the one joint that moves it, or None if there is none or several.
-        carrier: the body that it moves against, or None.
-        bodies: all rigid bodies.
-        joints: all joints.
-        meshes: everything with points.
-    """
-
-    stage: Usd.Stage
-    part: str
-    target: Usd.Prim | None
-    joint: Usd.Prim | None
-    carrier: Usd.Prim | None
-    bodies: tuple[Usd.Prim, ...]
-    joints: tuple[Usd.Prim, ...]
-    meshes: tuple[Usd.Prim, ...]
+    stage: Usd.Stage  # the open stage
+    part: str  # id of the articulated part that is asked about; empty if the stage has none
+    target: Usd.Prim | None  # the prim of that name, or None
+    joint: Usd.Prim | None  # the one joint that moves it, or None if there is none or several
+    carrier: Usd.Prim | None  # the body that it moves against, or None
+    bodies: tuple[Usd.Prim, ...]  # all rigid bodies
+    joints: tuple[Usd.Prim, ...]  # all joints
+    meshes: tuple[Usd.Prim, ...]  # everything with points
 
     @property
     def colliders(self) -> tuple[Usd.Prim, ...]:

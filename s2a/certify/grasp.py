@@ -49,20 +49,13 @@ class GapConfig:
 
 @dataclass(frozen=True)
 class Gap:
-    """The finger gap at the grasp.
+    """The finger gap at the grasp."""
 
-    Attributes:
-        free_fraction: of each finger's space, free as scanned; the minimum of both, 0 to 1.
-        fill_ratio: fraction of the free space that colliders fill, 0 to 1; NaN where nothing is free.
-        thickness: of the region between the fingers, or of closed fingers within it [m].
-        max_opening: of the gripper [m].
-        body_penetration: max depth of scanned surfaces in the path of the gripper body [m], and the name of the deepest.
-    """
-
-    free_fraction: float
-    fill_ratio: float
-    thickness: float
-    max_opening: float
+    free_fraction: float  # of each finger's space, free as scanned; the minimum of both, 0 to 1
+    fill_ratio: float  # fraction of the free space that colliders fill, 0 to 1; NaN where nothing is free
+    thickness: float  # of the region between the fingers, or of closed fingers within it [m]
+    max_opening: float  # of the gripper [m]
+    # max depth of scanned surfaces in the path of the gripper body [m], and the name of the deepest
     body_penetration: tuple[float, str] = (0.0, "")
 
     def graspable(self, config: GapConfig) -> bool:
@@ -202,19 +195,13 @@ class GripConfig:
 
 @dataclass(frozen=True)
 class GripTest:
-    """Result of one attempt.
+    """Result of one attempt."""
 
-    Attributes:
-        holds: The gripper reached the grasp, its fingers press on the region from opposed sides, and the part did not slip.
-        message: description of the attempt.
-        slip: how far the part moved under the pull [m]; None without a pull.
-        prim: path of the collider in collision, or of the region.
-    """
-
+    # The gripper reached the grasp, its fingers press on the region from opposed sides, and the part did not slip
     holds: bool
-    message: str
-    slip: float | None
-    prim: str
+    message: str  # description of the attempt
+    slip: float | None  # how far the part moved under the pull [m]; None without a pull
+    prim: str  # path of the collider in collision, or of the region
 
 
 def grip(world: MujocoWorld, config: GripConfig) -> GripTest:

@@ -374,16 +374,11 @@ class Evidence:
 
 @dataclass(frozen=True)
 class PartEvidence:
-    """The scanned surface about one articulated part.
+    """The scanned surface about one articulated part."""
 
-    Attributes:
-        whole: of the room.
-        part: id of the part.
-        only: name of the one robot that is asked for, if the part was prepared for it; None: all of them.
-    """
-
-    whole: Evidence
-    part: str
+    whole: Evidence  # of the room
+    part: str  # id of the part
+    # name of the one robot that is asked for, if the part was prepared for it; None: all of them
     only: str | None = None
 
     @property

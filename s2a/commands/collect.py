@@ -58,23 +58,14 @@ class Config(WorldsConfig):
 
 @dataclass(frozen=True)
 class Session:
-    """What collects.
+    """What collects."""
 
-    Attributes:
-        stage: in which.
-        env: the worlds.
-        policy: that drives the robot.
-        views: the cameras.
-        collector: runs the episodes.
-        words: the instruction.
-    """
-
-    stage: SimStage
-    env: VecEnv
-    policy: Policy
-    views: Views
-    collector: Collector
-    words: str
+    stage: SimStage  # in which
+    env: VecEnv  # the worlds
+    policy: Policy  # that drives the robot
+    views: Views  # the cameras
+    collector: Collector  # runs the episodes
+    words: str  # the instruction
 
 
 def begin(config: Config) -> Session:

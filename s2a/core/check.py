@@ -16,29 +16,17 @@ STATUSES: tuple[Status, ...] = ("fail", "warn", "pass", "skipped", "info")
 
 @dataclass(frozen=True)
 class Check:
-    """One question and its answer.
+    """One question and its answer."""
 
-    Attributes:
-        name: of the property checked, such as "joint_limits".
-        status: the answer.
-        value: the number measured, or None where there is none.
-        bound: the value up to which, or from which on, it passes; or None.
-        unit: of both.
-        prim: path of the prim at fault, or of the one asked; empty for the whole stage, and for a scan.
-        message: the result in words, one line.
-        remedy: what is possible and what to do; empty where nothing has to be done.
-        part: id of the annotated part asked about; empty for the whole room, and where `prim` says it.
-    """
-
-    name: str
-    status: Status
-    value: float | None = None
-    bound: float | None = None
-    unit: str = ""
-    prim: str = ""
-    message: str = ""
-    remedy: str = ""
-    part: str = ""
+    name: str  # of the property checked, such as "joint_limits"
+    status: Status  # the answer
+    value: float | None = None  # the number measured, or None where there is none
+    bound: float | None = None  # the value up to which, or from which on, it passes; or None
+    unit: str = ""  # of both
+    prim: str = ""  # path of the prim at fault, or of the one asked; empty for the whole stage, and for a scan
+    message: str = ""  # the result in words, one line
+    remedy: str = ""  # what is possible and what to do; empty where nothing has to be done
+    part: str = ""  # id of the annotated part asked about; empty for the whole room, and where `prim` says it
 
     def __str__(self) -> str:
         """Return the check as one line."""

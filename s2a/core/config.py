@@ -36,35 +36,23 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Chosen:
-    """Annotation of a field whose dataclass depends on the values: `Annotated[Base, Chosen(choose)]`.
+    """Annotation of a field whose dataclass depends on the values: `Annotated[Base, Chosen(choose)]`."""
 
-    Attributes:
-        choose: all plain values -> the field's dataclass, a subclass of its type.
-    """
-
-    choose: Callable[[Mapping[str, Any]], type]
+    choose: Callable[[Mapping[str, Any]], type]  # all plain values -> the field's dataclass, a subclass of its type
 
 
 @dataclass(frozen=True)
 class Named:
-    """Annotation of a field that a name stands for: `Annotated[RobotSpec, Named(load)]`; what it holds is no keys.
+    """Annotation of a field that a name stands for: `Annotated[RobotSpec, Named(load)]`; what it holds is no keys."""
 
-    Attributes:
-        read: name -> the field's value; InputError for a name that there is not.
-    """
-
-    read: Callable[[str], Any]
+    read: Callable[[str], Any]  # name -> the field's value; InputError for a name that there is not
 
 
 @dataclass(frozen=True)
 class Described:
-    """Annotation of a dictionary field whose keys depend on the values: `Annotated[dict[str, float], Described(describe)]`.
+    """Annotation of a dictionary field whose keys depend on the values: `Annotated[dict[str, float], Described(describe)]`."""
 
-    Attributes:
-        describe: all plain values -> the meaning of each possible key.
-    """
-
-    describe: Callable[[Mapping[str, Any]], Mapping[str, str]]
+    describe: Callable[[Mapping[str, Any]], Mapping[str, str]]  # all plain values -> the meaning of each possible key
 
 
 REQUIRED = "???"

@@ -198,49 +198,30 @@ def _panel(opening: Opening, size: fronts.Size, style: Style, pocket: fronts.Poc
 
 @dataclass(frozen=True)
 class Cell:
-    """One compartment of a column.
+    """One compartment of a column."""
 
-    Attributes:
-        weight: its height, relative to those of the column's other cells.
-        opening: what closes it.
-        shelves: boards inside; None: as many as usual for its height.
-    """
-
-    weight: float
-    opening: Opening
-    shelves: int | None = None
+    weight: float  # its height, relative to those of the column's other cells
+    opening: Opening  # what closes it
+    shelves: int | None = None  # boards inside; None: as many as usual for its height
 
 
 @dataclass(frozen=True)
 class Column:
-    """Cells one above the other, from below.
+    """Cells one above the other, from below."""
 
-    Attributes:
-        weight: its width, relative to those of the cabinet's other columns.
-        cells: from below.
-    """
-
-    weight: float
-    cells: tuple[Cell, ...]
+    weight: float  # its width, relative to those of the cabinet's other columns
+    cells: tuple[Cell, ...]  # from below
 
 
 @dataclass(frozen=True)
 class Footing:
-    """The base and the top board of a cabinet.
+    """The base and the top board of a cabinet."""
 
-    Attributes:
-        kind: "plinth", "legs" or "none".
-        height: of plinth or legs [m].
-        cap: thickness of a top board that covers the fronts [m]; 0: none.
-        clutter: number of objects that stand on it.
-        open_top: The cabinet body is open above, as under a sink.
-    """
-
-    kind: str
-    height: float
-    cap: float = 0.0
-    clutter: int = 0
-    open_top: bool = False
+    kind: str  # "plinth", "legs" or "none"
+    height: float  # of plinth or legs [m]
+    cap: float = 0.0  # thickness of a top board that covers the fronts [m]; 0: none
+    clutter: int = 0  # number of objects that stand on it
+    open_top: bool = False  # The cabinet body is open above, as under a sink
 
 
 def column(weight: float, *cells: tuple[float, str]) -> Column:

@@ -19,19 +19,12 @@ MARGIN = 0.008
 
 @dataclass(frozen=True)
 class Board:
-    """A level rectangle on which things can stand, in the frame of its furniture.
+    """A level rectangle on which things can stand, in the frame of its furniture."""
 
-    Attributes:
-        x: from back to front [m].
-        y: from side to side [m].
-        z: of its upper face [m].
-        headroom: how high a thing on it may be [m].
-    """
-
-    x: tuple[float, float]
-    y: tuple[float, float]
-    z: float
-    headroom: float
+    x: tuple[float, float]  # from back to front [m]
+    y: tuple[float, float]  # from side to side [m]
+    z: float  # of its upper face [m]
+    headroom: float  # how high a thing on it may be [m]
 
 
 def carton(rng: np.random.Generator) -> Piece:

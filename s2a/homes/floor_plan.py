@@ -25,17 +25,11 @@ NO_BOXES = np.empty((0, 2, 3))
 
 @dataclass(frozen=True)
 class Boxes:
-    """What a group of pieces takes up, each shape [box 2 3] [m].
+    """What a group of pieces takes up, each shape [box 2 3] [m]."""
 
-    Attributes:
-        filled: by pieces and by what stands on them.
-        swept: by parts that open.
-        stands: where somebody stands to open them.
-    """
-
-    filled: np.ndarray
-    swept: np.ndarray
-    stands: np.ndarray
+    filled: np.ndarray  # by pieces and by what stands on them
+    swept: np.ndarray  # by parts that open
+    stands: np.ndarray  # where somebody stands to open them
 
     @property
     def groups(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -19,26 +19,17 @@ from s2a.scene.scene import Joint
 
 @dataclass(frozen=True)
 class Opening:
-    """What closes a cell; what is None follows the style.
+    """What closes a cell; what is None follows the style."""
 
-    Attributes:
-        kind: "drawer", "left", "right", "pair" (two doors), "up", "down" (flaps), "rise" (shutter that slides up behind a
-            fixed upper half), "open" (nothing) or "fixed" (a panel).
-        name: of the part.
-        panel: its profile, see `front`.
-        grip: the handle.
-        thick: of the front [m].
-        limit: how far it opens [m] or [rad].
-        color: of the front.
-    """
-
+    # "drawer", "left", "right", "pair" (two doors), "up", "down" (flaps), "rise" (shutter that slides up behind a
+    # fixed upper half), "open" (nothing) or "fixed" (a panel)
     kind: str
-    name: str | None = None
-    panel: str | None = None
-    grip: GripDesign | None = None
-    thick: float | None = None
-    limit: float | None = None
-    color: Color | None = None
+    name: str | None = None  # of the part
+    panel: str | None = None  # its profile, see `front`
+    grip: GripDesign | None = None  # the handle
+    thick: float | None = None  # of the front [m]
+    limit: float | None = None  # how far it opens [m] or [rad]
+    color: Color | None = None  # of the front
 
 
 DRAWER, OPEN = Opening("drawer"), Opening("open")
@@ -46,53 +37,29 @@ DRAWER, OPEN = Opening("drawer"), Opening("open")
 
 @dataclass(frozen=True)
 class Style:
-    """Materials and fittings that all fronts of a cabinet share.
+    """Materials and fittings that all fronts of a cabinet share."""
 
-    Attributes:
-        body: colour of the cabinet body and shelves.
-        front: colour of the fronts.
-        top: colour of the top board.
-        dark: colour of plinth and legs.
-        texture: of all of these.
-        panel: profile of doors, see `front`.
-        drawer_panel: of drawers.
-        grip: handles of drawers and flaps.
-        door_grip: handles of doors.
-        thick: of the fronts [m].
-        board: thickness of the cabinet body [m].
-        gap: between fronts [m].
-        frame: width of framed fronts' frames [m].
-        place: of drawers' handles, from 0 (the middle) to 1 (near the upper edge).
-        inset: of doors' handles from the free edge [m].
-        angle: by which doors open [rad].
-        extension: part of a drawer's length by which it comes out.
-        soft_close: Dampers pull the fronts shut.
-        theme: of what is in it, see `clutter.THEMES`.
-        top_theme: of what is on it.
-        drawer_theme: of what is in its drawers.
-    """
-
-    body: Color
-    front: Color
-    top: Color
-    dark: Color
-    texture: int
-    panel: str
-    drawer_panel: str
-    grip: GripDesign
-    door_grip: GripDesign
-    thick: float
-    board: float
-    gap: float
-    frame: float
-    place: float
-    inset: float
-    angle: float
-    extension: float
-    soft_close: bool
-    theme: str
-    top_theme: str
-    drawer_theme: str
+    body: Color  # colour of the cabinet body and shelves
+    front: Color  # colour of the fronts
+    top: Color  # colour of the top board
+    dark: Color  # colour of plinth and legs
+    texture: int  # of all of these
+    panel: str  # profile of doors, see `front`
+    drawer_panel: str  # of drawers
+    grip: GripDesign  # handles of drawers and flaps
+    door_grip: GripDesign  # handles of doors
+    thick: float  # of the fronts [m]
+    board: float  # thickness of the cabinet body [m]
+    gap: float  # between fronts [m]
+    frame: float  # width of framed fronts' frames [m]
+    place: float  # of drawers' handles, from 0 (the middle) to 1 (near the upper edge)
+    inset: float  # of doors' handles from the free edge [m]
+    angle: float  # by which doors open [rad]
+    extension: float  # part of a drawer's length by which it comes out
+    soft_close: bool  # Dampers pull the fronts shut
+    theme: str  # of what is in it, see `clutter.THEMES`
+    top_theme: str  # of what is on it
+    drawer_theme: str  # of what is in its drawers
 
     @property
     def paint(self) -> tuple[Color, int]:
@@ -124,19 +91,12 @@ PANELS = {"slab": 0.52, "framed": 0.3, "grooved": 0.08, "louvred": 0.04, "glazed
 
 @dataclass(frozen=True)
 class Palette:
-    """What the furniture of one home has in common.
+    """What the furniture of one home has in common."""
 
-    Attributes:
-        wood: of floors, tables and wooden fronts.
-        paint: of painted fronts.
-        metal: of handles.
-        cloth: of seats and beds.
-    """
-
-    wood: Color
-    paint: Color
-    metal: Color
-    cloth: Color
+    wood: Color  # of floors, tables and wooden fronts
+    paint: Color  # of painted fronts
+    metal: Color  # of handles
+    cloth: Color  # of seats and beds
 
 
 def random_palette(rng: np.random.Generator) -> Palette:

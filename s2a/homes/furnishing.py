@@ -34,20 +34,13 @@ SCANNERS = 24
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of room.
+    """One kind of room."""
 
-    Attributes:
-        area: of the floor [m^2].
-        plain: probability of a rectangle.
-        doors: least and largest number.
-        windows: least and largest number.
-        furnish: places what makes it such a room; raises Crowded where something has no place.
-    """
-
-    area: Range
-    plain: float
-    doors: tuple[int, int]
-    windows: tuple[int, int]
+    area: Range  # of the floor [m^2]
+    plain: float  # probability of a rectangle
+    doors: tuple[int, int]  # least and largest number
+    windows: tuple[int, int]  # least and largest number
+    # places what makes it such a room; raises Crowded where something has no place
     furnish: Callable[[FloorPlan, Palette], None]
 
 

@@ -121,28 +121,18 @@ STYLES = {"rail": "bar", "square": "bar"}
 
 @dataclass(frozen=True)
 class GripDesign:
-    """One handle of a catalogue.
+    """One handle of a catalogue."""
 
-    Attributes:
-        family: "bar" (flat, round ends), "rail" (round, overhanging its posts), "square", "bow", "knob", "cup", "edge",
-            "recess", "strap" or "none".
-        length: along the front [m]; of a knob its diameter.
-        width: across its length, on the front [m].
-        depth: thickness of what the fingers close on, away from the front [m].
-        clearance: between the front and what the fingers close on [m].
-        bend: of a bow, exponent of its arc: 2 is an ellipse, more is a D; of a knob, taper of its neck.
-        sides: of a knob's section: 4 is square, 24 round.
-        color: of everything.
-    """
-
+    # "bar" (flat, round ends), "rail" (round, overhanging its posts), "square", "bow", "knob", "cup", "edge",
+    # "recess", "strap" or "none"
     family: str
-    length: float
-    width: float
-    depth: float
-    clearance: float
-    bend: float
-    sides: int
-    color: Color
+    length: float  # along the front [m]; of a knob its diameter
+    width: float  # across its length, on the front [m]
+    depth: float  # thickness of what the fingers close on, away from the front [m]
+    clearance: float  # between the front and what the fingers close on [m]
+    bend: float  # of a bow, exponent of its arc: 2 is an ellipse, more is a D; of a knob, taper of its neck
+    sides: int  # of a knob's section: 4 is square, 24 round
+    color: Color  # of everything
 
     @property
     def style(self) -> str | None:

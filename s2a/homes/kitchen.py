@@ -24,23 +24,14 @@ from s2a.homes.solids import WOOD, Color, Piece, at, box, cylinder, join, posts
 
 @dataclass(frozen=True)
 class Fitted:
-    """What all units of one kitchen have in common [m].
+    """What all units of one kitchen have in common [m]."""
 
-    Attributes:
-        depth: of the base units with fronts.
-        plinth: its height.
-        top: lower face of the worktop.
-        counter: thickness of the worktop.
-        upper: lower edge of the wall units.
-        wall: height and depth of the wall units.
-    """
-
-    depth: float
-    plinth: float
-    top: float
-    counter: float
-    upper: float
-    wall: tuple[float, float]
+    depth: float  # of the base units with fronts
+    plinth: float  # its height
+    top: float  # lower face of the worktop
+    counter: float  # thickness of the worktop
+    upper: float  # lower edge of the wall units
+    wall: tuple[float, float]  # height and depth of the wall units
 
 
 def fitted(rng: np.random.Generator) -> Fitted:

@@ -195,19 +195,13 @@ def cast_panorama(
 
 @dataclass
 class View:
-    """A panorama and the planes that its pixels measured.
+    """A panorama and the planes that its pixels measured."""
 
-    Attributes:
-        scanner: where it was taken [m].
-        tangents: of the pixel centres along a cube-map face (see `s2a.homes.panorama.pixel_tangents`).
-        ranges: of its pixels [m], 0 where nothing returned, shape [pixel].
-        planes: unit normal towards the scanner, and its product with points of the plane seen from the scanner [m],
-            shape [pixel].
-    """
-
-    scanner: wp.vec3
-    tangents: wp.array
-    ranges: wp.array
+    scanner: wp.vec3  # where it was taken [m]
+    tangents: wp.array  # of the pixel centres along a cube-map face (see `s2a.homes.panorama.pixel_tangents`)
+    ranges: wp.array  # of its pixels [m], 0 where nothing returned, shape [pixel]
+    # unit normal towards the scanner, and its product with points of the plane seen from the scanner [m], shape
+    # [pixel]
     planes: wp.array
 
 

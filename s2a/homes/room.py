@@ -23,19 +23,12 @@ Hole = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Room:
-    """A furnished room, and from where it is scanned.
+    """A furnished room, and from where it is scanned."""
 
-    Attributes:
-        pieces: objects, the articulated ones first.
-        scanners: positions of the scanner, the most important first [m], shape [pose 3].
-        size: inner width, depth and height [m].
-        yaw: rotation of the room about z against the scene [rad].
-    """
-
-    pieces: tuple[Piece, ...]
-    scanners: np.ndarray
-    size: Size
-    yaw: float = 0.0
+    pieces: tuple[Piece, ...]  # objects, the articulated ones first
+    scanners: np.ndarray  # positions of the scanner, the most important first [m], shape [pose 3]
+    size: Size  # inner width, depth and height [m]
+    yaw: float = 0.0  # rotation of the room about z against the scene [rad]
 
     def turned(self, yaw: float) -> Room:
         """Return the room at a yaw [rad], its smallest inner corner moved to the origin of the scene."""
@@ -76,33 +69,23 @@ THICK = 0.1
 
 @dataclass(frozen=True)
 class Side:
-    """One wall: its frame has the face at x = 0, x into the room, y along the wall from 0 to its length.
+    """One wall: its frame has the face at x = 0, x into the room, y along the wall from 0 to its length."""
 
-    Attributes:
-        pose: of that frame, shape [4 4].
-        length: [m].
-        height: [m].
-        ends: how far its slab goes on beyond y = 0 and y = length [m]; negative at corners that stand out into the room.
-    """
-
-    pose: np.ndarray
-    length: float
-    height: float
+    pose: np.ndarray  # of that frame, shape [4 4]
+    length: float  # [m]
+    height: float  # [m]
+    # how far its slab goes on beyond y = 0 and y = length [m]; negative at corners that stand out into the room
     ends: tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Outline:
-    """The empty room.
+    """The empty room."""
 
-    Attributes:
-        size: of the bounding rectangle, and the ceiling's height [m].
-        notches: corners that do not belong to the room.
-        slope: index of the wall with a sloped ceiling above it, the wall's height, and how far the slope reaches [m], or None.
-    """
-
-    size: tuple[float, float, float]
-    notches: tuple[Notch, ...]
+    size: tuple[float, float, float]  # of the bounding rectangle, and the ceiling's height [m]
+    notches: tuple[Notch, ...]  # corners that do not belong to the room
+    # index of the wall with a sloped ceiling above it, the wall's height, and how far the slope reaches [m], or
+    # None
     slope: tuple[int, float, float] | None = None
 
     @property
@@ -282,23 +265,14 @@ def paints(rng: np.random.Generator) -> tuple[Color, tuple[Color, int]]:
 
 @dataclass(frozen=True)
 class Entry:
-    """One annotated part.
+    """One annotated part."""
 
-    Attributes:
-        number: 1-based, unique in the scene.
-        label: as the data set writes it ("drawer.2.1"); objects without moving parts carry only their name.
-        parent: number of the part it belongs to, or None.
-        piece: its shape and joint, in the scene.
-        articulated: Its object has moving parts, hence belongs to Articulate3D's annotation.
-        carrier: number of the part in or on which it lies and with which it moves, or None.
-    """
-
-    number: int
-    label: str
-    parent: int | None
-    piece: Piece
-    articulated: bool
-    carrier: int | None = None
+    number: int  # 1-based, unique in the scene
+    label: str  # as the data set writes it ("drawer.2.1"); objects without moving parts carry only their name
+    parent: int | None  # number of the part it belongs to, or None
+    piece: Piece  # its shape and joint, in the scene
+    articulated: bool  # Its object has moving parts, hence belongs to Articulate3D's annotation
+    carrier: int | None = None  # number of the part in or on which it lies and with which it moves, or None
 
     @property
     def part_id(self) -> str:

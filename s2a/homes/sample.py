@@ -241,31 +241,19 @@ class SampleConfig:
 
 @dataclass(frozen=True)
 class Scan:
-    """What is written.
+    """What is written."""
 
-    Attributes:
-        name: ten hexadecimal digits, as ScanNet++ names its scenes.
-        room: the furnished room.
-        entries: all its parts.
-        mesh: the scanned surface.
-        motions: of the objects that stand elsewhere than in the first scan of this home, by id, in the scene, shape [4 4].
-        annotated: the parts that the annotator saw.
-        numbers: the annotated part of each face, shape [face].
-        joints: the annotated joints by part number.
-        mistakes: ids of overlooked handles and of reversed joints.
-        paint: colours of points near the surface, in the scene, for a texture.
-    """
-
-    name: str
-    room: Room
-    entries: list[Entry]
-    mesh: Mesh
+    name: str  # ten hexadecimal digits, as ScanNet++ names its scenes
+    room: Room  # the furnished room
+    entries: list[Entry]  # all its parts
+    mesh: Mesh  # the scanned surface
+    # of the objects that stand elsewhere than in the first scan of this home, by id, in the scene, shape [4 4]
     motions: dict[str, np.ndarray]
-    annotated: list[Entry]
-    numbers: np.ndarray
-    joints: dict[int, Joint]
-    mistakes: dict[str, list[str]]
-    paint: files.Paint
+    annotated: list[Entry]  # the parts that the annotator saw
+    numbers: np.ndarray  # the annotated part of each face, shape [face]
+    joints: dict[int, Joint]  # the annotated joints by part number
+    mistakes: dict[str, list[str]]  # ids of overlooked handles and of reversed joints
+    paint: files.Paint  # colours of points near the surface, in the scene, for a texture
 
 
 def sample(config: SampleConfig, out: Path) -> None:

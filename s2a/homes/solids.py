@@ -20,21 +20,13 @@ PLAIN, WOOD, FABRIC, TILES = range(4)
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles with a look for each.
+    """Triangles with a look for each."""
 
-    Attributes:
-        vertices: [m], shape [vertex 3], float64.
-        faces: vertex indices, counter-clockwise seen from outside, shape [face 3], int32.
-        colors: RGB, shape [face 3], uint8.
-        textures: PLAIN, WOOD, FABRIC or TILES, shape [face], uint8.
-        dropout: share of laser rays that are not returned, in patches, shape [face], float32.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    colors: np.ndarray
-    textures: np.ndarray
-    dropout: np.ndarray
+    vertices: np.ndarray  # [m], shape [vertex 3], float64
+    faces: np.ndarray  # vertex indices, counter-clockwise seen from outside, shape [face 3], int32
+    colors: np.ndarray  # RGB, shape [face 3], uint8
+    textures: np.ndarray  # PLAIN, WOOD, FABRIC or TILES, shape [face], uint8
+    dropout: np.ndarray  # share of laser rays that are not returned, in patches, shape [face], float32
 
     def moved(self, transform: np.ndarray) -> Surface:
         """Return the surface after a rigid motion, shape [4 4]."""
@@ -50,26 +42,20 @@ class Surface:
 
 @dataclass(frozen=True)
 class Piece:
-    """A piece of furniture, or a part of one, with the parts that belong to it.
+    """A piece of furniture, or a part of one, with the parts that belong to it."""
 
-    Attributes:
-        name: what an annotator would call it.
-        surface: its own surface, without its children's.
-        children: the parts that belong to it.
-        joint: how it moves against what it belongs to; the closed pose is 0; None if it does not move.
-        style: "bar", "bow", "knob", "lever", "cup", "edge", "recess" or "strap" for what a gripper grasps, else None.
-        pose: of the frame in which it was built, in which its sides are parallel to the axes, shape [4 4].
-        contents: free objects that lie in or on it and move with it; they are objects of their own, no parts of it.
-        facts: exact numbers and names for the truth: a handle's family, length and clearance; a hinge's damper.
-    """
-
-    name: str
-    surface: Surface
-    children: tuple[Piece, ...] = ()
+    name: str  # what an annotator would call it
+    surface: Surface  # its own surface, without its children's
+    children: tuple[Piece, ...] = ()  # the parts that belong to it
+    # how it moves against what it belongs to; the closed pose is 0; None if it does not move
     joint: Joint | None = None
+    # "bar", "bow", "knob", "lever", "cup", "edge", "recess" or "strap" for what a gripper grasps, else None
     style: str | None = None
+    # of the frame in which it was built, in which its sides are parallel to the axes, shape [4 4]
     pose: np.ndarray = field(default_factory=lambda: np.eye(4))
+    # free objects that lie in or on it and move with it; they are objects of their own, no parts of it
     contents: tuple[Piece, ...] = ()
+    # exact numbers and names for the truth: a handle's family, length and clearance; a hinge's damper
     facts: Mapping[str, Any] = field(default_factory=dict)
 
     @property

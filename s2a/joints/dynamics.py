@@ -30,21 +30,14 @@ SHARPNESS = wp.constant(6.0)
 
 @wp.struct
 class Bodies:
-    """Bodies on their joints, a world each, as they are at the grasp point.
+    """Bodies on their joints, a world each, as they are at the grasp point."""
 
-    Attributes:
-        lever: path of the grasp point by the coordinate, shape [world].
-        inertia: mass at the grasp point, of the stage's mass [kg], shape [world].
-        turns: 1 for a hinge, 0 for a slide, shape [world].
-        gravity: force along the path [N], of the stage's mass: g0 cos(turns q) + g1 sin(turns q), shape [world] of vec2.
-        reach: opening below which a soft close acts [m], shape [world].
-    """
-
-    lever: wp.array(dtype=float)
-    inertia: wp.array(dtype=float)
-    turns: wp.array(dtype=float)
+    lever: wp.array(dtype=float)  # path of the grasp point by the coordinate, shape [world]
+    inertia: wp.array(dtype=float)  # mass at the grasp point, of the stage's mass [kg], shape [world]
+    turns: wp.array(dtype=float)  # 1 for a hinge, 0 for a slide, shape [world]
+    # force along the path [N], of the stage's mass: g0 cos(turns q) + g1 sin(turns q), shape [world] of vec2
     gravity: wp.array(dtype=wp.vec2)
-    reach: wp.array(dtype=float)
+    reach: wp.array(dtype=float)  # opening below which a soft close acts [m], shape [world]
 
 
 @wp.struct
@@ -158,16 +151,11 @@ NINETY = 1.6449
 
 @dataclass(frozen=True)
 class Dynamics:
-    """What resists at a joint's grasp point, as PARAMETERS name it.
+    """What resists at a joint's grasp point, as PARAMETERS name it."""
 
-    Attributes:
-        values: shape [parameter].
-        deviations: standard deviations, shape [parameter]; infinite where the recordings do not tell.
-        misfit: mean square of the innovations over their expected variance: 1 where the model and the noise are right.
-    """
-
-    values: np.ndarray
-    deviations: np.ndarray
+    values: np.ndarray  # shape [parameter]
+    deviations: np.ndarray  # standard deviations, shape [parameter]; infinite where the recordings do not tell
+    # mean square of the innovations over their expected variance: 1 where the model and the noise are right
     misfit: float
 
     @property

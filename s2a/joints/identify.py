@@ -24,17 +24,11 @@ Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True)
 class Minima:
-    """What was found.
+    """What was found."""
 
-    Attributes:
-        points: shape [problem variable].
-        values: shape [problem].
-        rounds: how often all problems were evaluated.
-    """
-
-    points: np.ndarray
-    values: np.ndarray
-    rounds: int
+    points: np.ndarray  # shape [problem variable]
+    values: np.ndarray  # shape [problem]
+    rounds: int  # how often all problems were evaluated
 
 
 def minimize_together(

@@ -144,17 +144,11 @@ JITTER = 0.2
 
 @dataclass(frozen=True)
 class Pull:
-    """Samples at one rate.
+    """Samples at one rate."""
 
-    Attributes:
-        opening: path of the grasp point [m], shape [sample].
-        force: along it [N] at the same times, shape [sample].
-        step: time between samples [s].
-    """
-
-    opening: np.ndarray
-    force: np.ndarray
-    step: float
+    opening: np.ndarray  # path of the grasp point [m], shape [sample]
+    force: np.ndarray  # along it [N] at the same times, shape [sample]
+    step: float  # time between samples [s]
 
 
 @dataclass(frozen=True)
@@ -300,17 +294,11 @@ FAR = 0.03
 
 @dataclass(frozen=True)
 class Recording:
-    """An arm's motion at one rate.
+    """An arm's motion at one rate."""
 
-    Attributes:
-        q: of the robot's joints, its fingers among them [rad, m], shape [sample joint].
-        torque: of the arm joints, on the side of their links [N m], shape [sample arm].
-        step: time between samples [s].
-    """
-
-    q: np.ndarray
-    torque: np.ndarray
-    step: float
+    q: np.ndarray  # of the robot's joints, its fingers among them [rad, m], shape [sample joint]
+    torque: np.ndarray  # of the arm joints, on the side of their links [N m], shape [sample arm]
+    step: float  # time between samples [s]
 
 
 def read_recordings(path: Path, spec: RobotSpec, episodes: Sequence[int] = ()) -> list[Recording]:

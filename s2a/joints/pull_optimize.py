@@ -27,34 +27,23 @@ STOP_DAMPING = wp.constant(1.0e6)
 
 @wp.struct
 class Arms:
-    """Bodies on their joints and the arms that pull them, a world each; all at the grasp point, s its path [m].
+    """Bodies on their joints and the arms that pull them, a world each; all at the grasp point, s its path [m]."""
 
-    Attributes:
-        bodies: that are pulled.
-        dynamics: dynamics.PARAMETERS, shape [world parameter].
-        arm: of the arm along the path at even places: stiffness [N/m], damping [N s/m], mass [kg], shape [world place] of vec3.
-        spacing: between the places [m], shape [world].
-    """
-
-    bodies: Bodies
-    dynamics: wp.array2d(dtype=float)
+    bodies: Bodies  # that are pulled
+    dynamics: wp.array2d(dtype=float)  # dynamics.PARAMETERS, shape [world parameter]
+    # of the arm along the path at even places: stiffness [N/m], damping [N s/m], mass [kg], shape [world place]
+    # of vec3
     arm: wp.array2d(dtype=wp.vec3)
-    spacing: wp.array(dtype=float)
+    spacing: wp.array(dtype=float)  # between the places [m], shape [world]
 
 
 @wp.struct
 class Rolled:
-    """How the worlds moved.
+    """How the worlds moved."""
 
-    Attributes:
-        opening: at the beginning of a step [m], shape [step world].
-        speed: at its end [m/s], shape [step world].
-        force: of the gripper on the handle, along the path [N], shape [step world].
-    """
-
-    opening: wp.array2d(dtype=float)
-    speed: wp.array2d(dtype=float)
-    force: wp.array2d(dtype=float)
+    opening: wp.array2d(dtype=float)  # at the beginning of a step [m], shape [step world]
+    speed: wp.array2d(dtype=float)  # at its end [m/s], shape [step world]
+    force: wp.array2d(dtype=float)  # of the gripper on the handle, along the path [N], shape [step world]
 
 
 @wp.func
@@ -374,21 +363,13 @@ def _spline(knots: int) -> BSpline:
 
 @dataclass(frozen=True)
 class Optimum:
-    """A pull that was found.
+    """A pull that was found."""
 
-    Attributes:
-        law: its time law.
-        cost: of the model's motion.
-        opening: that the model predicts [m], shape [step].
-        speed: likewise [m/s].
-        force: on the handle [N].
-    """
-
-    law: PullLaw
-    cost: float
-    opening: np.ndarray
-    speed: np.ndarray
-    force: np.ndarray
+    law: PullLaw  # its time law
+    cost: float  # of the model's motion
+    opening: np.ndarray  # that the model predicts [m], shape [step]
+    speed: np.ndarray  # likewise [m/s]
+    force: np.ndarray  # on the handle [N]
 
 
 def optimize(

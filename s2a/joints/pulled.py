@@ -24,19 +24,12 @@ REACH = 0.04
 
 @dataclass(frozen=True)
 class Moving:
-    """A body that moves on its joint.
+    """A body that moves on its joint."""
 
-    Attributes:
-        joint: scene coordinates.
-        mass: of all that moves, in the same frame.
-        point: grasp point [m], shape [3].
-        reach: path of the grasp point from shut over which a soft close acts, if the part has one [m].
-    """
-
-    joint: Joint
-    mass: Mass
-    point: np.ndarray
-    reach: float = REACH
+    joint: Joint  # scene coordinates
+    mass: Mass  # of all that moves, in the same frame
+    point: np.ndarray  # grasp point [m], shape [3]
+    reach: float = REACH  # path of the grasp point from shut over which a soft close acts, if the part has one [m]
 
     @property
     def lever(self) -> float:
@@ -92,41 +85,27 @@ class Arm:
 
     Across the path the handle leaves the arm free, as a grip by friction on a bar nearly does: K, D and M are those of the tool
     frame's point, inverses of its mobility along the path.
-
-    Attributes:
-        path: of the grasp point [m], even, from 0 to the end of the pull, shape [pose].
-        stiffness: [N/m], shape [pose].
-        damping: against the ground, as the controller's [N s/m], shape [pose].
-        mass: [kg], shape [pose].
-        speed: largest of the set-point that keeps every joint's limits [m/s].
-        acceleration: likewise, for a small speed [m/s^2].
     """
 
-    path: np.ndarray
-    stiffness: np.ndarray
-    damping: np.ndarray
-    mass: np.ndarray
-    speed: float
-    acceleration: float
+    path: np.ndarray  # of the grasp point [m], even, from 0 to the end of the pull, shape [pose]
+    stiffness: np.ndarray  # [N/m], shape [pose]
+    damping: np.ndarray  # against the ground, as the controller's [N s/m], shape [pose]
+    mass: np.ndarray  # [kg], shape [pose]
+    speed: float  # largest of the set-point that keeps every joint's limits [m/s]
+    acceleration: float  # likewise, for a small speed [m/s^2]
 
 
 @dataclass(frozen=True)
 class Pulled:
-    """A part and the arm that pulls it.
+    """A part and the arm that pulls it."""
 
-    Attributes:
-        body: with the stage's mass.
-        dynamics: what resists at its grasp point, as dynamics.PARAMETERS name it.
-        arm: the arm along the part's path.
-        offset: how much farther than predicted an earlier pull of the part ended [m]: a grip off the handle's middle bends the
-            arm.
-        closing: The path leads from the goal's distance to shut, else from shut to the goal; openings are along it.
-    """
-
-    body: Moving
-    dynamics: tuple[float, ...]
-    arm: Arm
+    body: Moving  # with the stage's mass
+    dynamics: tuple[float, ...]  # what resists at its grasp point, as dynamics.PARAMETERS name it
+    arm: Arm  # the arm along the part's path
+    # how much farther than predicted an earlier pull of the part ended [m]: a grip off the handle's middle bends
+    # the arm
     offset: float = 0.0
+    # The path leads from the goal's distance to shut, else from shut to the goal; openings are along it
     closing: bool = False
 
     @property

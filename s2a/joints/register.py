@@ -99,38 +99,23 @@ OFFSET = 0.001
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A part that stands open in the open scan.
+    """A part that stands open in the open scan."""
 
-    Attributes:
-        joint: in the closed scan's frame; its limits go from 0 to how far the part stands open.
-        axis_deviation: standard deviation of the axis' direction [rad].
-        origin_deviation: of the axis' place beside the part [m]; 0 for a slide, whose axis may be anywhere.
-        open_deviation: of the open coordinate [m] or [rad].
-        faces: of the closed scan that move, ascending, shape [face].
-        explained: area that the joint explains in both scans [m^2].
-        rms: distance between both there, along their normals [m].
-    """
-
-    joint: Joint
-    axis_deviation: float
-    origin_deviation: float
-    open_deviation: float
-    faces: np.ndarray
-    explained: float
-    rms: float
+    joint: Joint  # in the closed scan's frame; its limits go from 0 to how far the part stands open
+    axis_deviation: float  # standard deviation of the axis' direction [rad]
+    origin_deviation: float  # of the axis' place beside the part [m]; 0 for a slide, whose axis may be anywhere
+    open_deviation: float  # of the open coordinate [m] or [rad]
+    faces: np.ndarray  # of the closed scan that move, ascending, shape [face]
+    explained: float  # area that the joint explains in both scans [m^2]
+    rms: float  # distance between both there, along their normals [m]
 
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """What two scans say.
+    """What two scans say."""
 
-    Attributes:
-        alignment: of the open scan to the closed one.
-        proposals: the parts that opened, those with most surface first.
-    """
-
-    alignment: Alignment
-    proposals: list[Proposal]
+    alignment: Alignment  # of the open scan to the closed one
+    proposals: list[Proposal]  # the parts that opened, those with most surface first
 
     @property
     def one_room(self) -> bool:

@@ -35,19 +35,13 @@ over 0.4 m. The shift and the turn of a plain front within its own plane are har
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """A joint as the scans show it.
+    """A joint as the scans show it."""
 
-    Attributes:
-        joint: its limits from 0 to the coordinate of the open scan.
-        information: inverse covariance of the unknowns, J^T W J with what is known before, shape [unknown unknown].
-        count: number of residuals in use.
-        rms: of them [m].
-    """
-
-    joint: Joint
+    joint: Joint  # its limits from 0 to the coordinate of the open scan
+    # inverse covariance of the unknowns, J^T W J with what is known before, shape [unknown unknown]
     information: np.ndarray
-    count: int
-    rms: float
+    count: int  # number of residuals in use
+    rms: float  # of them [m]
 
     @property
     def deviations(self) -> np.ndarray:
@@ -182,19 +176,12 @@ MIN_FRONT = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A joint that could be.
+    """A joint that could be."""
 
-    Attributes:
-        joint: in the closed scan's frame, its limits from 0 to the coordinate of the open scan.
-        patch: index of the closed patch.
-        area: surface that it explains [m^2].
-        fraction: of the patch.
-    """
-
-    joint: Joint
-    patch: int
-    area: float
-    fraction: float
+    joint: Joint  # in the closed scan's frame, its limits from 0 to the coordinate of the open scan
+    patch: int  # index of the closed patch
+    area: float  # surface that it explains [m^2]
+    fraction: float  # of the patch
 
     @property
     def q(self) -> float:

@@ -230,44 +230,26 @@ MIN_EXPLAINED = 0.45
 
 @dataclass(frozen=True, eq=False)
 class Scans:
-    """Both scans in the closed one's frame, and what changed.
+    """Both scans in the closed one's frame, and what changed."""
 
-    Attributes:
-        closed: surface that only the closed scan shows.
-        opened: surface that only the open scan shows.
-        still: what both show.
-        first: the whole closed scan.
-        room: the whole open scan.
-        before: samples of `closed`.
-        after: samples of `opened`.
-    """
-
-    closed: OrientedMesh
-    opened: OrientedMesh
-    still: OrientedMesh
-    first: OrientedMesh
-    room: OrientedMesh
-    before: Cloud
-    after: Cloud
+    closed: OrientedMesh  # surface that only the closed scan shows
+    opened: OrientedMesh  # surface that only the open scan shows
+    still: OrientedMesh  # what both show
+    first: OrientedMesh  # the whole closed scan
+    room: OrientedMesh  # the whole open scan
+    before: Cloud  # samples of `closed`
+    after: Cloud  # samples of `opened`
 
 
 @dataclass(frozen=True, eq=False)
 class FittedPart:
-    """A joint with what it explains.
+    """A joint with what it explains."""
 
-    Attributes:
-        fit: the joint.
-        front: its front.
-        before: indices of the samples before that it explains.
-        after: indices of the samples after that it explains.
-        fraction: of the changed surface around its front that it explains.
-    """
-
-    fit: JointFit
-    front: Patch
-    before: np.ndarray
-    after: np.ndarray
-    fraction: float
+    fit: JointFit  # the joint
+    front: Patch  # its front
+    before: np.ndarray  # indices of the samples before that it explains
+    after: np.ndarray  # indices of the samples after that it explains
+    fraction: float  # of the changed surface around its front that it explains
 
     @property
     def area(self) -> float:

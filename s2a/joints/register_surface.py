@@ -41,17 +41,11 @@ class OrientedMesh(TriangleSurface):
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Points on a surface.
+    """Points on a surface."""
 
-    Attributes:
-        points: [m], shape [point 3].
-        normals: unit, shape [point 3].
-        faces: the face of the surface that each lies on, shape [point].
-    """
-
-    points: np.ndarray
-    normals: np.ndarray
-    faces: np.ndarray
+    points: np.ndarray  # [m], shape [point 3]
+    normals: np.ndarray  # unit, shape [point 3]
+    faces: np.ndarray  # the face of the surface that each lies on, shape [point]
 
     def __getitem__(self, some: np.ndarray) -> Cloud:
         """Return some of the points, by a mask or by indices."""
@@ -67,21 +61,13 @@ class Cloud:
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """Where the points of a cloud meet a surface.
+    """Where the points of a cloud meet a surface."""
 
-    Attributes:
-        face: nearest face of each point, -1 where none is within reach, shape [point].
-        gap: distance to it [m], inf without one.
-        offset: distance from its plane, positive on the side of its normal [m].
-        normal: its unit normal, shape [point 3].
-        alike: cosine between the normals of point and face; -1 without a match.
-    """
-
-    face: np.ndarray
-    gap: np.ndarray
-    offset: np.ndarray
-    normal: np.ndarray
-    alike: np.ndarray
+    face: np.ndarray  # nearest face of each point, -1 where none is within reach, shape [point]
+    gap: np.ndarray  # distance to it [m], inf without one
+    offset: np.ndarray  # distance from its plane, positive on the side of its normal [m]
+    normal: np.ndarray  # its unit normal, shape [point 3]
+    alike: np.ndarray  # cosine between the normals of point and face; -1 without a match
 
     @property
     def inner(self) -> np.ndarray:
@@ -118,19 +104,12 @@ DRAWS, SEED = 60, 0
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A flat piece of changed surface.
+    """A flat piece of changed surface."""
 
-    Attributes:
-        cloud: its samples.
-        normal: unit, shape [3].
-        centre: mean of its samples [m], shape [3].
-        area: [m^2].
-    """
-
-    cloud: Cloud
-    normal: np.ndarray
-    centre: np.ndarray
-    area: float
+    cloud: Cloud  # its samples
+    normal: np.ndarray  # unit, shape [3]
+    centre: np.ndarray  # mean of its samples [m], shape [3]
+    area: float  # [m^2]
 
 
 def changed(surface: OrientedMesh, mask: np.ndarray) -> Cloud:
@@ -216,17 +195,11 @@ TURNS = (0.0, -0.15, 0.15)
 
 @dataclass(frozen=True)
 class Alignment:
-    """A motion between two frames.
+    """A motion between two frames."""
 
-    Attributes:
-        motion: from the other scan's frame to the first's, shape [4 4].
-        overlap: fraction of the other surface that lies on the first.
-        rms: distance between the two there [m].
-    """
-
-    motion: np.ndarray
-    overlap: float
-    rms: float
+    motion: np.ndarray  # from the other scan's frame to the first's, shape [4 4]
+    overlap: float  # fraction of the other surface that lies on the first
+    rms: float  # distance between the two there [m]
 
 
 def align(first: OrientedMesh, other: OrientedMesh) -> Alignment:

@@ -40,19 +40,12 @@ SURFACE = 300
 
 @dataclass(frozen=True)
 class ObjectGrasps:
-    """Grasps in the object's body frame, the best first.
+    """Grasps in the object's body frame, the best first."""
 
-    Attributes:
-        tool: poses of the tool frame when the fingers close, shape [grasp 4 4].
-        width: distance of the pads in the grasp [m], shape [grasp].
-        opened: distance of the pads before and after [m], shape [grasp].
-        score: lower is better; roughly metres of lever arm, shape [grasp].
-    """
-
-    tool: np.ndarray
-    width: np.ndarray
-    opened: np.ndarray
-    score: np.ndarray
+    tool: np.ndarray  # poses of the tool frame when the fingers close, shape [grasp 4 4]
+    width: np.ndarray  # distance of the pads in the grasp [m], shape [grasp]
+    opened: np.ndarray  # distance of the pads before and after [m], shape [grasp]
+    score: np.ndarray  # lower is better; roughly metres of lever arm, shape [grasp]
 
     def __getitem__(self, chosen: Sequence[int] | np.ndarray) -> ObjectGrasps:
         """Return some of them, in this order."""

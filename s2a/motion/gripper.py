@@ -23,19 +23,12 @@ SPREAD = 0.012
 
 @dataclass(frozen=True)
 class Spheres:
-    """Spheres that fill a gripper, in the tool frame.
+    """Spheres that fill a gripper, in the tool frame."""
 
-    Attributes:
-        centers: with the fingers fully open [m], shape [sphere 3].
-        radii: [m], shape [sphere].
-        side: towards which of the fingers they move as those open: 1, -1, or 0 for the body, shape [sphere].
-        most: full opening [m].
-    """
-
-    centers: np.ndarray
-    radii: np.ndarray
-    side: np.ndarray
-    most: float
+    centers: np.ndarray  # with the fingers fully open [m], shape [sphere 3]
+    radii: np.ndarray  # [m], shape [sphere]
+    side: np.ndarray  # towards which of the fingers they move as those open: 1, -1, or 0 for the body, shape [sphere]
+    most: float  # full opening [m]
 
     def placed(self, tool: np.ndarray, opened: np.ndarray | None = None, every: int = 1) -> np.ndarray:
         """Return the centers [pose sphere 3] at tool poses [pose 4 4] and distances of the pads [m] [pose]; None: fully open."""
@@ -163,23 +156,18 @@ def gripper_depth(
 
 @dataclass(frozen=True)
 class Contact:
-    """Requirements on what the pads find between them.
+    """Requirements on what the pads find between them."""
 
-    Attributes:
-        flat: up to which the surface may lie off the pads at a point that holds [m]. What is inclined more turns between the
-            pads until it is parallel to them, or is squeezed out.
-        held: least fraction of the points at which both pads hold.
-        centered: largest distance of the middle of what holds from that of the surface between the pads [m]: a wedge is held
-            where it is thickest, and slips out.
-        body_gap: least distance of the gripper's body from the object [m], where more than to be clear of it.
-        lever: largest lever arm of the weight about the closing axis [m], for what turns between the pads.
-    """
-
+    # up to which the surface may lie off the pads at a point that holds [m]. What is inclined more turns between
+    # the pads until it is parallel to them, or is squeezed out
     flat: float
-    held: float
+    held: float  # least fraction of the points at which both pads hold
+    # largest distance of the middle of what holds from that of the surface between the pads [m]: a wedge is held
+    # where it is thickest, and slips out
     centered: float
+    # largest lever arm of the weight about the closing axis [m], for what turns between the pads
     lever: float = math.inf
-    body_gap: float = 0.0
+    body_gap: float = 0.0  # least distance of the gripper's body from the object [m], where more than to be clear of it
 
 
 FIRM = Contact(0.0007, 0.3, 0.003)

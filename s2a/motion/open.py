@@ -198,19 +198,12 @@ def held_from_within(sim: Simulation) -> float:
 
 @dataclass(frozen=True)
 class LettingGo:
-    """The motion of a task that moves a part: grasp, move, let go, draw back.
+    """The motion of a task that moves a part: grasp, move, let go, draw back."""
 
-    Attributes:
-        demonstration: its targets, as the policy takes them.
-        arm: its joint path, shape [pose arm].
-        approach: straight path to the handle [m].
-        retreat: that back from it [m].
-    """
-
-    demonstration: Demonstration
-    arm: np.ndarray
-    approach: float
-    retreat: float
+    demonstration: Demonstration  # its targets, as the policy takes them
+    arm: np.ndarray  # its joint path, shape [pose arm]
+    approach: float  # straight path to the handle [m]
+    retreat: float  # that back from it [m]
 
 
 def plan_letting_go(sim: Simulation, settings: PlannerConfig, tool_path: Skill) -> LettingGo:

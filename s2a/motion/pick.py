@@ -47,17 +47,11 @@ class EndsConfig(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class PickStage(SimStage):
-    """A free object of a room as the target of a robot; `joint` stands for the first coordinate of its free joint.
+    """A free object of a room as the target of a robot; `joint` stands for the first coordinate of its free joint."""
 
-    Attributes:
-        start: of the object's body frame, 7-vector, scene frame.
-        goal: likewise.
-        plan: how the robot picks and places it.
-    """
-
-    start: np.ndarray
-    goal: np.ndarray
-    plan: PickPlan
+    start: np.ndarray  # of the object's body frame, 7-vector, scene frame
+    goal: np.ndarray  # likewise
+    plan: PickPlan  # how the robot picks and places it
 
     def workspace(self) -> Workspace:
         """Return where the plan, and what lies free, pass."""

@@ -47,52 +47,32 @@ Fits = Callable[[list[Stand]], list[Stand]]
 
 @dataclass(frozen=True)
 class PickTask:
-    """An object that is picked and placed.
+    """An object that is picked and placed."""
 
-    Attributes:
-        room: as it stands.
-        target: id of the object.
-        start: where it stands, 7-vector of its body frame, scene frame.
-        goal: where it is placed, likewise.
-        approach: straight path to the grasp, and back after the release [m].
-    """
-
-    room: SimRoom
-    target: str
-    start: np.ndarray
-    goal: np.ndarray
-    approach: float
+    room: SimRoom  # as it stands
+    target: str  # id of the object
+    start: np.ndarray  # where it stands, 7-vector of its body frame, scene frame
+    goal: np.ndarray  # where it is placed, likewise
+    approach: float  # straight path to the grasp, and back after the release [m]
 
 
 @dataclass(frozen=True)
 class PickPlan:
-    """A plan to pick and place an object.
+    """A plan to pick and place an object."""
 
-    Attributes:
-        base: pose of the robot's base, 7-vector, scene frame.
-        pedestal: height of what it stands on [m].
-        reach: joints from home to the point of approach, shape [pose arm].
-        approach: from there to the grasp.
-        lift: from the grasp to above it.
-        carry: from there to above the place.
-        lower: from there to the place.
-        retreat: from there with open fingers, back from the object.
-        again: from above the grasp back to the point of approach, for an object that was not lifted; None: that is not free.
-        grasp: tool frame in the object's body frame when the fingers close, shape [4 4].
-        opened: distance of the pads before and after [m].
-    """
-
-    base: np.ndarray
-    pedestal: float
-    reach: np.ndarray
-    approach: np.ndarray
-    lift: np.ndarray
-    carry: np.ndarray
-    lower: np.ndarray
-    retreat: np.ndarray
+    base: np.ndarray  # pose of the robot's base, 7-vector, scene frame
+    pedestal: float  # height of what it stands on [m]
+    reach: np.ndarray  # joints from home to the point of approach, shape [pose arm]
+    approach: np.ndarray  # from there to the grasp
+    lift: np.ndarray  # from the grasp to above it
+    carry: np.ndarray  # from there to above the place
+    lower: np.ndarray  # from there to the place
+    retreat: np.ndarray  # from there with open fingers, back from the object
+    # from above the grasp back to the point of approach, for an object that was not lifted; None: that is not
+    # free
     again: np.ndarray | None
-    grasp: np.ndarray
-    opened: float
+    grasp: np.ndarray  # tool frame in the object's body frame when the fingers close, shape [4 4]
+    opened: float  # distance of the pads before and after [m]
 
     def swept(self, spec: RobotSpec, surface: np.ndarray) -> np.ndarray:
         """Return points [point 3] that the arm, from home on, and the object's surface [point 3] in its hand pass."""
@@ -112,21 +92,13 @@ class PickPlan:
 
 @dataclass(frozen=True)
 class StraightPaths:
-    """The straight paths at start and place.
+    """The straight paths at start and place."""
 
-    Attributes:
-        stand: the base.
-        up: joints of approach and lift, shape [pose arm].
-        held: the object in the tool frame [4 4].
-        opened: distance of the open pads [m].
-        down: joints of lowering and retreat, shape [pose arm].
-    """
-
-    stand: Stand
-    up: np.ndarray
-    held: np.ndarray
-    opened: float
-    down: np.ndarray
+    stand: Stand  # the base
+    up: np.ndarray  # joints of approach and lift, shape [pose arm]
+    held: np.ndarray  # the object in the tool frame [4 4]
+    opened: float  # distance of the open pads [m]
+    down: np.ndarray  # joints of lowering and retreat, shape [pose arm]
 
     @property
     def turn(self) -> float:

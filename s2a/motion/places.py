@@ -273,15 +273,11 @@ STOPS = 15
 
 @dataclass(frozen=True)
 class Inside:
-    """The box within a part's walls.
+    """The box within a part's walls."""
 
-    Attributes:
-        frame: its middle and axes: opening direction, sideways, up; the part at zero; scene frame, shape [4 4].
-        half: half its extents along these axes [m], shape [3].
-    """
-
+    # its middle and axes: opening direction, sideways, up; the part at zero; scene frame, shape [4 4]
     frame: np.ndarray
-    half: np.ndarray
+    half: np.ndarray  # half its extents along these axes [m], shape [3]
 
 
 def inside_placements(room: SimRoom, name: str, part: str, q: float) -> list[tuple[np.ndarray, Inside]]:

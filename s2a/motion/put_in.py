@@ -41,67 +41,40 @@ BRANCHES = 4
 
 @dataclass(frozen=True)
 class PutPlan:
-    """A plan to put an object into a part.
+    """A plan to put an object into a part."""
 
-    Attributes:
-        pick: how it is picked and placed in the open part, from home on.
-        goal: pose of the object in the open part, 7-vector, scene frame.
-        inside: of the part.
-        to_shut: joints from home to the point of approach to the shut part's handle, shape [pose arm].
-        handle: from there to the handle, with it until the part is open, and back from it; the reverse shuts the part.
-        held: indices of `handle` between which the gripper holds it.
-        leave: from its end to home.
-        home: from the last pose of `pick` to home.
-        to_open: from home to the end of `handle`, the object in the part.
-    """
-
-    pick: PickPlan
-    goal: np.ndarray
-    inside: Inside
-    to_shut: np.ndarray
+    pick: PickPlan  # how it is picked and placed in the open part, from home on
+    goal: np.ndarray  # pose of the object in the open part, 7-vector, scene frame
+    inside: Inside  # of the part
+    to_shut: np.ndarray  # joints from home to the point of approach to the shut part's handle, shape [pose arm]
+    # from there to the handle, with it until the part is open, and back from it; the reverse shuts the part
     handle: np.ndarray
-    held: tuple[int, int]
-    leave: np.ndarray
-    home: np.ndarray
-    to_open: np.ndarray
+    held: tuple[int, int]  # indices of `handle` between which the gripper holds it
+    leave: np.ndarray  # from its end to home
+    home: np.ndarray  # from the last pose of `pick` to home
+    to_open: np.ndarray  # from home to the end of `handle`, the object in the part
 
 
 @dataclass(frozen=True)
 class PutTask:
-    """An object that is put into a part.
+    """An object that is put into a part."""
 
-    Attributes:
-        room: the room.
-        target: id of the object.
-        start: where it stands, 7-vector of its body frame, scene frame.
-        part: id of the part.
-        opening: coordinate to which this is opened [m] or [rad].
-        approach: straight path to the handle, and to the object [m].
-        depth: of the grasp of the handle past the grasp point [m].
-    """
-
-    room: SimRoom
-    target: str
-    start: np.ndarray
-    part: str
-    opening: float
-    approach: float
-    depth: float
+    room: SimRoom  # the room
+    target: str  # id of the object
+    start: np.ndarray  # where it stands, 7-vector of its body frame, scene frame
+    part: str  # id of the part
+    opening: float  # coordinate to which this is opened [m] or [rad]
+    approach: float  # straight path to the handle, and to the object [m]
+    depth: float  # of the grasp of the handle past the grasp point [m]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PutStage(PickStage):
-    """A free object and the part into which it is put.
+    """A free object and the part into which it is put."""
 
-    Attributes:
-        part: id of the part, the first of `also`.
-        opened: coordinate at which the object is put in [m] or [rad].
-        put: how the robot does it; `plan` is its part that picks and places.
-    """
-
-    part: str
-    opened: float
-    put: PutPlan
+    part: str  # id of the part, the first of `also`
+    opened: float  # coordinate at which the object is put in [m] or [rad]
+    put: PutPlan  # how the robot does it; `plan` is its part that picks and places
 
     @property
     def surface(self) -> Mesh:

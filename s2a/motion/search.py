@@ -42,21 +42,13 @@ class Unreachable(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """A place of the robot's base.
+    """A place of the robot's base."""
 
-    Attributes:
-        base: pose of the base [4 4], scene frame.
-        pedestal: height of what it stands on [m].
-        turn: about the vertical axis of the arm's first joint, away from `facing` [rad].
-        facing: pose of the base before that turn [4 4]; None: it is not turned.
-        words: the place in words; empty: its coordinates.
-    """
-
-    base: np.ndarray
-    pedestal: float = 0.0
-    turn: float = 0.0
-    facing: np.ndarray | None = None
-    words: str = ""
+    base: np.ndarray  # pose of the base [4 4], scene frame
+    pedestal: float = 0.0  # height of what it stands on [m]
+    turn: float = 0.0  # about the vertical axis of the arm's first joint, away from `facing` [rad]
+    facing: np.ndarray | None = None  # pose of the base before that turn [4 4]; None: it is not turned
+    words: str = ""  # the place in words; empty: its coordinates
 
     @property
     def vector(self) -> np.ndarray:
@@ -72,19 +64,12 @@ class Stand:
 
 @dataclass(frozen=True)
 class Miss:
-    """Why a base does not serve.
+    """Why a base does not serve."""
 
-    Attributes:
-        order: of the segment that fails, counted from the first one.
-        depth: by how much [m]: of a penetration, or what a pose is missed by.
-        text: the segment and the failure.
-        stand: the base; None: none was tried, or it is of several.
-    """
-
-    order: int
-    depth: float
-    text: str
-    stand: Stand | None = None
+    order: int  # of the segment that fails, counted from the first one
+    depth: float  # by how much [m]: of a penetration, or what a pose is missed by
+    text: str  # the segment and the failure
+    stand: Stand | None = None  # the base; None: none was tried, or it is of several
 
     def __str__(self) -> str:
         """Return the failure with the base."""
@@ -100,15 +85,10 @@ NO_BASE = Miss(
 
 @dataclass
 class Misses:
-    """Reasons why bases do not serve.
+    """Reasons why bases do not serve."""
 
-    Attributes:
-        nearest: the miss that came farthest, and of those by the least.
-        of: that of each base, in the order in which they were tried.
-    """
-
-    nearest: Miss = NO_BASE
-    of: dict[Stand, Miss] = field(default_factory=dict)
+    nearest: Miss = NO_BASE  # the miss that came farthest, and of those by the least
+    of: dict[Stand, Miss] = field(default_factory=dict)  # that of each base, in the order in which they were tried
 
     def note(self, miss: Miss) -> None:
         """Keep a failure that came farther than all others, or missed by less; and so for its base alone."""
@@ -124,33 +104,22 @@ def _progress(miss: Miss) -> tuple[int, float]:
 
 @dataclass(frozen=True)
 class Follow:
-    """A segment of a motion on which the tool frame follows a path.
+    """A segment of a motion on which the tool frame follows a path."""
 
-    Attributes:
-        name: of the segment; empty: it is the only one.
-        order: of the segment in the motion.
-        poses: of the tool frame, shape [pose 4 4], or [stand pose 4 4] for a path of each base's own; scene frame.
-        meets: base and joint path [pose arm] -> how deep the robot reaches into something on it [m], and into what.
-        ik_seeds: starts of the inverse kinematics at each base; one number for all, or one each.
-        tried: joint paths at each base that are looked at, those that begin nearest to where the arm comes from first.
-        clear: joint paths at each base that meet nothing, at most.
-        near: joints from which the arm comes, shape [stand arm]; None: home.
-        may_flip: The tool may be turned by half about the approach, its fingers exchanged.
-        reach_time: in which every joint, at full speed, has to turn from home to the path [s].
-        remedy: what to change where no arm can follow.
-    """
-
-    name: str
-    order: int
+    name: str  # of the segment; empty: it is the only one
+    order: int  # of the segment in the motion
+    # of the tool frame, shape [pose 4 4], or [stand pose 4 4] for a path of each base's own; scene frame
     poses: np.ndarray
+    # base and joint path [pose arm] -> how deep the robot reaches into something on it [m], and into what
     meets: Callable[[Stand, np.ndarray], Penetration]
-    ik_seeds: int | Sequence[int]
+    ik_seeds: int | Sequence[int]  # starts of the inverse kinematics at each base; one number for all, or one each
+    # joint paths at each base that are looked at, those that begin nearest to where the arm comes from first
     tried: int | None = None
-    clear: int | None = None
-    near: np.ndarray | None = None
-    may_flip: bool = True
-    reach_time: float = math.inf
-    remedy: str = ""
+    clear: int | None = None  # joint paths at each base that meet nothing, at most
+    near: np.ndarray | None = None  # joints from which the arm comes, shape [stand arm]; None: home
+    may_flip: bool = True  # The tool may be turned by half about the approach, its fingers exchanged
+    reach_time: float = math.inf  # in which every joint, at full speed, has to turn from home to the path [s]
+    remedy: str = ""  # what to change where no arm can follow
 
     @property
     def label(self) -> str:

@@ -19,17 +19,11 @@ SPEED = 0.6
 
 @dataclass(frozen=True)
 class Straight:
-    """The tool moves straight.
+    """The tool moves straight."""
 
-    Attributes:
-        path: joints [pose arm].
-        seconds: at least [s].
-        name: for `Timeline.span`.
-    """
-
-    path: np.ndarray
-    seconds: float
-    name: str = ""
+    path: np.ndarray  # joints [pose arm]
+    seconds: float  # at least [s]
+    name: str = ""  # for `Timeline.span`
 
 
 @dataclass(frozen=True)
@@ -44,26 +38,17 @@ class Carry(Reach):
 
 @dataclass(frozen=True)
 class Along(Straight):
-    """The gripper moves a part along its joint.
+    """The gripper moves a part along its joint."""
 
-    Attributes:
-        q: coordinates of the part [m or rad], shape [pose].
-        progress: in time.
-    """
-
-    q: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    progress: Progress = eased
+    q: np.ndarray = field(default_factory=lambda: np.zeros(0))  # coordinates of the part [m or rad], shape [pose]
+    progress: Progress = eased  # in time
 
 
 @dataclass(frozen=True)
 class Grip:
-    """The fingers close, or spread in a pocket, on what they hold.
+    """The fingers close, or spread in a pocket, on what they hold."""
 
-    Attributes:
-        opened: distance of the pads to which they are led [m]; where they stop is what is between them.
-    """
-
-    opened: float
+    opened: float  # distance of the pads to which they are led [m]; where they stop is what is between them
 
     @classmethod
     def on(cls, gripper: GripperSpec, internal: bool) -> Grip:
@@ -73,13 +58,9 @@ class Grip:
 
 @dataclass(frozen=True)
 class Release:
-    """The fingers let go.
+    """The fingers let go."""
 
-    Attributes:
-        opened: distance of the pads afterwards [m]; fully open where that is less.
-    """
-
-    opened: float = math.inf
+    opened: float = math.inf  # distance of the pads afterwards [m]; fully open where that is less
 
     @classmethod
     def of(cls, internal: bool) -> Release:
@@ -89,15 +70,10 @@ class Release:
 
 @dataclass(frozen=True)
 class Wait:
-    """The arm stands.
+    """The arm stands."""
 
-    Attributes:
-        seconds: [s].
-        name: for `Timeline.span`.
-    """
-
-    seconds: float
-    name: str = ""
+    seconds: float  # [s]
+    name: str = ""  # for `Timeline.span`
 
 
 Segment = Straight | Grip | Release | Wait

@@ -67,26 +67,18 @@ class Anchor:
     """A stretch of a trajectory on which the gripper moves along with something that is not where it was planned to be.
 
     The correction grows from `begin` to `first`, is whole from there to `last`, and is gone at `end`; indices of the targets.
-
-    Attributes:
-        to: what it moves with. object: what the robot picks, seen as an episode begins; held: the object in the gripper, seen at
-            `begin`, whose place may be in `part`; handle: that of `part` as the robot comes back to it, seen at `begin`; grasp:
-            the handle as the policy observes it when an episode begins.
-        begin: where the correction begins.
-        first: from where on it is whole.
-        last: up to where it is whole.
-        end: from where on there is none; beyond the end where the motion ends before.
-        held: planned pose of the object in the tool frame, shape [4 4]; of `held`.
-        part: id of an articulated part; empty: none.
     """
 
+    # what it moves with. object: what the robot picks, seen as an episode begins; held: the object in the
+    # gripper, seen at `begin`, whose place may be in `part`; handle: that of `part` as the robot comes back to
+    # it, seen at `begin`; grasp: the handle as the policy observes it when an episode begins
     to: Literal["object", "held", "handle", "grasp"]
-    begin: int
-    first: int
-    last: int
-    end: int
-    held: np.ndarray | None = None
-    part: str = ""
+    begin: int  # where the correction begins
+    first: int  # from where on it is whole
+    last: int  # up to where it is whole
+    end: int  # from where on there is none; beyond the end where the motion ends before
+    held: np.ndarray | None = None  # planned pose of the object in the tool frame, shape [4 4]; of `held`
+    part: str = ""  # id of an articulated part; empty: none
 
     def weights(self, steps: int) -> np.ndarray:
         """Return the fraction of the correction at each of so many steps, shape [step]."""
@@ -97,36 +89,22 @@ class Anchor:
 
 @dataclass(frozen=True)
 class Retry:
-    """A motion back for an object that was not lifted, from where it should be to the point of approach.
+    """A motion back for an object that was not lifted, from where it should be to the point of approach."""
 
-    Attributes:
-        targets: arm and fingers, shape [step joint].
-        seen: index of those at which the arm stands with open fingers, and sees where the object is.
-    """
-
-    targets: np.ndarray
-    seen: int
+    targets: np.ndarray  # arm and fingers, shape [step joint]
+    seen: int  # index of those at which the arm stands with open fingers, and sees where the object is
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Joint targets, one a control step.
+    """Joint targets, one a control step."""
 
-    Attributes:
-        targets: arm and fingers, from the point of approach to the end, shape [step joint].
-        part: coordinate of the part at each [m or rad], shape [step].
-        reach_steps: control steps from the start of an episode to `targets[0]`.
-        closed: index of the first target with the gripper closed.
-        anchors: where it moves along with what is elsewhere.
-        retry: how it comes back for what was not lifted; None: it goes on without.
-    """
-
-    targets: np.ndarray
-    part: np.ndarray
-    reach_steps: int
-    closed: int
-    anchors: tuple[Anchor, ...] = ()
-    retry: Retry | None = None
+    targets: np.ndarray  # arm and fingers, from the point of approach to the end, shape [step joint]
+    part: np.ndarray  # coordinate of the part at each [m or rad], shape [step]
+    reach_steps: int  # control steps from the start of an episode to `targets[0]`
+    closed: int  # index of the first target with the gripper closed
+    anchors: tuple[Anchor, ...] = ()  # where it moves along with what is elsewhere
+    retry: Retry | None = None  # how it comes back for what was not lifted; None: it goes on without
 
     def anchor(self, to: str) -> Anchor | None:
         """Return the anchor to something; None: it has none."""
@@ -135,17 +113,11 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Demonstration:
-    """A motion that does a task in one stage, a row a control step.
+    """A motion that does a task in one stage, a row a control step."""
 
-    Attributes:
-        targets: joint targets of the robot [rad, m], shape [step joint].
-        positions: where its joints then are, and last the part's coordinate [rad, m], shape [step joint + 1].
-        grasped: number of steps until the gripper has closed; in those after them the part moves.
-    """
-
-    targets: np.ndarray
-    positions: np.ndarray
-    grasped: int
+    targets: np.ndarray  # joint targets of the robot [rad, m], shape [step joint]
+    positions: np.ndarray  # where its joints then are, and last the part's coordinate [rad, m], shape [step joint + 1]
+    grasped: int  # number of steps until the gripper has closed; in those after them the part moves
 
 
 def padded(rows: Sequence[np.ndarray]) -> np.ndarray:
@@ -231,17 +203,12 @@ def sampled(path: np.ndarray, steps: int, progress: Progress = eased) -> np.ndar
 
 @dataclass(frozen=True)
 class PullLaw:
-    """Set-points at even times, at rest at both ends.
+    """Set-points at even times, at rest at both ends."""
 
-    Attributes:
-        seconds: from the first to the last.
-        path: of the grasp point [m], 0 at first, shape [sample]; past the goal where the arm would lag behind, or sag.
-        goal: where the part shall stand [m].
-    """
-
-    seconds: float
+    seconds: float  # from the first to the last
+    # of the grasp point [m], 0 at first, shape [sample]; past the goal where the arm would lag behind, or sag
     path: tuple[float, ...]
-    goal: float
+    goal: float  # where the part shall stand [m]
 
     def at(self, fraction: np.ndarray) -> np.ndarray:
         """Return the set-points [m] at fractions of the time; outside 0 to 1 those of the ends."""

@@ -28,15 +28,10 @@ HELD_RADIUS = 0.005
 
 @dataclass(frozen=True)
 class Workcell:
-    """A robot, wherever its base stands, among obstacles.
+    """A robot, wherever its base stands, among obstacles."""
 
-    Attributes:
-        spec: the robot.
-        obstacles: what stands around it.
-    """
-
-    spec: RobotSpec
-    obstacles: Obstacles
+    spec: RobotSpec  # the robot
+    obstacles: Obstacles  # what stands around it
 
     @cached_property
     def shape(self) -> RobotShape:
@@ -148,15 +143,10 @@ class Workcell:
 
 @dataclass(frozen=True)
 class MovingPart:
-    """The part that a robot moves.
+    """The part that a robot moves."""
 
-    Attributes:
-        joint: of the part.
-        hulls: of the part alone, at joint zero.
-    """
-
-    joint: Joint
-    hulls: Obstacles
+    joint: Joint  # of the part
+    hulls: Obstacles  # of the part alone, at joint zero
 
     def depth(self, centers: np.ndarray, radii: np.ndarray, coordinates: np.ndarray) -> np.ndarray:
         """Return how deep spheres [pose sphere 3] of radii [sphere] reach into the part at coordinates [pose] [m], [pose]."""

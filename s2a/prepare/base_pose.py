@@ -67,23 +67,14 @@ class BaseConfig:
 
 @dataclass(frozen=True)
 class BasePose:
-    """Where the robot stands.
+    """Where the robot stands."""
 
-    Attributes:
-        position: of its base [m].
-        orientation: quaternion xyzw; x looks ahead.
-        reason: why there, in words.
-        pedestal: height of what it stands on above the floor [m].
-        free: the arm reaches the whole path without a collision.
-        assumed_floor: the floor below was not scanned, but around it.
-    """
-
-    position: Vec3
-    orientation: Quat
-    reason: str
-    pedestal: float
-    free: bool
-    assumed_floor: bool
+    position: Vec3  # of its base [m]
+    orientation: Quat  # quaternion xyzw; x looks ahead
+    reason: str  # why there, in words
+    pedestal: float  # height of what it stands on above the floor [m]
+    free: bool  # the arm reaches the whole path without a collision
+    assumed_floor: bool  # the floor below was not scanned, but around it
 
 
 def find_base(
@@ -192,17 +183,11 @@ def _chosen(stand: Stand, reason: str, free: bool, assumed_floor: bool) -> BaseP
 
 @dataclass(frozen=True)
 class ScannedSurfaces:
-    """The scanned surfaces around a handle, and what of a robot collides with them.
+    """The scanned surfaces around a handle, and what of a robot collides with them."""
 
-    Attributes:
-        near: all of them.
-        still: those that do not move with the part.
-        shape: of the robot.
-    """
-
-    near: Obstacles
-    still: Obstacles
-    shape: RobotShape
+    near: Obstacles  # all of them
+    still: Obstacles  # those that do not move with the part
+    shape: RobotShape  # of the robot
 
     @cached_property
     def _home(self) -> np.ndarray:

@@ -116,25 +116,15 @@ class FreeConfig:
 
 @dataclass(frozen=True)
 class FreeObject:
-    """A free object and what it stands on.
+    """A free object and what it stands on."""
 
-    Attributes:
-        body: the object, its frame at its centre of mass.
-        support: the horizontal top under it; None where `top` carries all of it.
-        below: id of what carries it.
-        top: level top of all of that; None where it is not level.
-        members: ids of all its parts, which leave the room.
-        space: convex hulls that nothing else may reach into, scene coordinates.
-        bounds: lowest and highest corner [m], shape [2 3], scene coordinates.
-    """
-
-    body: SimBody
-    support: Collider | None
-    below: str
-    top: LevelTop | None
-    members: tuple[str, ...]
-    space: tuple[Mesh, ...]
-    bounds: np.ndarray
+    body: SimBody  # the object, its frame at its centre of mass
+    support: Collider | None  # the horizontal top under it; None where `top` carries all of it
+    below: str  # id of what carries it
+    top: LevelTop | None  # level top of all of that; None where it is not level
+    members: tuple[str, ...]  # ids of all its parts, which leave the room
+    space: tuple[Mesh, ...]  # convex hulls that nothing else may reach into, scene coordinates
+    bounds: np.ndarray  # lowest and highest corner [m], shape [2 3], scene coordinates
 
 
 def free_objects(

@@ -230,26 +230,18 @@ def _quat(frame: np.ndarray) -> Quat:
 
 @dataclass(frozen=True)
 class Target:
-    """An articulated part.
+    """An articulated part."""
 
-    Attributes:
-        id: of the part.
-        joint: how it moves, scene coordinates.
-        grasp: where a gripper takes hold of it.
-        grasp_parts: ids of the parts that make up the grasp region.
-        base_plate: id of the part that these are fixed to, if that is another one than the target; else None.
-        surfaces: surface of each part of its body by id, the target first; nested articulated parts are bodies of their own.
-        carried: surface of all that moves when its joint does, nested articulated parts included.
-        cabinet: surface of the object that it belongs to, without that of the object's parts; empty if it is an object itself.
-    """
-
-    id: str
-    joint: Joint
-    grasp: Grasp
-    grasp_parts: tuple[str, ...]
-    base_plate: str | None
+    id: str  # of the part
+    joint: Joint  # how it moves, scene coordinates
+    grasp: Grasp  # where a gripper takes hold of it
+    grasp_parts: tuple[str, ...]  # ids of the parts that make up the grasp region
+    base_plate: str | None  # id of the part that these are fixed to, if that is another one than the target; else None
+    # surface of each part of its body by id, the target first; nested articulated parts are bodies of their own
     surfaces: dict[str, Mesh]
-    carried: Mesh
+    carried: Mesh  # surface of all that moves when its joint does, nested articulated parts included
+    # surface of the object that it belongs to, without that of the object's parts; empty if it is an object
+    # itself
     cabinet: Mesh
 
     @cached_property

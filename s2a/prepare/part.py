@@ -43,23 +43,14 @@ class PartConfig:
 
 @dataclass(frozen=True)
 class PartResult:
-    """What was found for one articulated part.
+    """What was found for one articulated part."""
 
-    Attributes:
-        target: the part.
-        colliders: its convex hulls, those of the box behind a drawer's front last.
-        interior: that box, where it was asked for and is not scanned.
-        corridor: the gripper's path to the handle.
-        swept: convex hulls that cover where it moves, and some clearance.
-        base: where the robot stands.
-    """
-
-    target: Target
-    colliders: tuple[Collider, ...]
-    interior: tuple[Mesh, ...]
-    corridor: tuple[Mesh, ...]
-    swept: tuple[Mesh, ...]
-    base: BasePose
+    target: Target  # the part
+    colliders: tuple[Collider, ...]  # its convex hulls, those of the box behind a drawer's front last
+    interior: tuple[Mesh, ...]  # that box, where it was asked for and is not scanned
+    corridor: tuple[Mesh, ...]  # the gripper's path to the handle
+    swept: tuple[Mesh, ...]  # convex hulls that cover where it moves, and some clearance
+    base: BasePose  # where the robot stands
 
 
 Asked = tuple[str, tuple[str, ...]]

@@ -82,24 +82,17 @@ class ColliderConfig:
 
 @dataclass(frozen=True)
 class Handle:
-    """The handle of a part, and the front panel behind it.
+    """The handle of a part, and the front panel behind it."""
 
-    Attributes:
-        frame: the grasp frame's axes as columns [3 3]: z into the furniture.
-        region: the grasp region, borders tidied.
-        plane: the front behind it as outward normal and offset [m]; None where none was scanned.
-        front: where the line through the grasp point along z meets that plane: its coordinate on z [m]; without a plane
-            that of the grasp point.
-        space: where the fingers go.
-        pocket: that the region lines, where it is a recessed pull.
-    """
-
-    frame: np.ndarray
-    region: Mesh
+    frame: np.ndarray  # the grasp frame's axes as columns [3 3]: z into the furniture
+    region: Mesh  # the grasp region, borders tidied
+    # the front behind it as outward normal and offset [m]; None where none was scanned
     plane: tuple[np.ndarray, float] | None
+    # where the line through the grasp point along z meets that plane: its coordinate on z [m]; without a plane
+    # that of the grasp point
     front: float
-    space: FingerSpace
-    pocket: Pocket | None = None
+    space: FingerSpace  # where the fingers go
+    pocket: Pocket | None = None  # that the region lines, where it is a recessed pull
 
 
 def find_handle(target: Target) -> tuple[Handle, dict[str, Mesh]]:

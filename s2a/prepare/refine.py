@@ -52,19 +52,12 @@ PLACES = ("line in the front's plane", "line's depth")
 
 @dataclass(frozen=True)
 class Refined:
-    """A joint as refined.
+    """A joint as refined."""
 
-    Attributes:
-        joint: as it is now.
-        change: how far that is from the annotation, and how sure.
-        before: its share of the loss as annotated.
-        after: the same as refined; never more.
-    """
-
-    joint: Joint
-    change: Refinement
-    before: float
-    after: float
+    joint: Joint  # as it is now
+    change: Refinement  # how far that is from the annotation, and how sure
+    before: float  # its share of the loss as annotated
+    after: float  # the same as refined; never more
 
 
 def refine(scene: Scene, config: RefineConfig) -> dict[str, Refined]:

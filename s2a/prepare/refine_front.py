@@ -170,21 +170,13 @@ class Faces:
 
 @dataclass(frozen=True)
 class FrontSide:
-    """A straight side of a front.
+    """A straight side of a front."""
 
-    Attributes:
-        outward: unit direction in the front's plane, across the side, out of the front, shape [3].
-        along: unit direction of the side, shape [3].
-        middle: a point on it, in the middle [m], shape [3].
-        sigma: standard deviation of its place [m].
-        angle: standard deviation of its direction in the plane [rad]; inf where it is not told.
-    """
-
-    outward: np.ndarray
-    along: np.ndarray
-    middle: np.ndarray
-    sigma: float
-    angle: float
+    outward: np.ndarray  # unit direction in the front's plane, across the side, out of the front, shape [3]
+    along: np.ndarray  # unit direction of the side, shape [3]
+    middle: np.ndarray  # a point on it, in the middle [m], shape [3]
+    sigma: float  # standard deviation of its place [m]
+    angle: float  # standard deviation of its direction in the plane [rad]; inf where it is not told
 
 
 def find_sides(
@@ -283,23 +275,14 @@ RECTANGLE = 0.9
 
 @dataclass(frozen=True)
 class Seen:
-    """A front as the scan shows it.
+    """A front as the scan shows it."""
 
-    Attributes:
-        normal: unit, outwards, shape [3].
-        center: a point of the plane, in the middle [m], shape [3].
-        tilt: covariance of the normal's directions in the plane [rad^2], shape [3 3], of rank 2.
-        height: standard deviation of the plane's place [m].
-        sides: the four sides; empty for a round front.
-        thickness: of the part behind the plane, as far as it is seen [m].
-    """
-
-    normal: np.ndarray
-    center: np.ndarray
-    tilt: np.ndarray
-    height: float
-    sides: tuple[FrontSide, ...]
-    thickness: float
+    normal: np.ndarray  # unit, outwards, shape [3]
+    center: np.ndarray  # a point of the plane, in the middle [m], shape [3]
+    tilt: np.ndarray  # covariance of the normal's directions in the plane [rad^2], shape [3 3], of rank 2
+    height: float  # standard deviation of the plane's place [m]
+    sides: tuple[FrontSide, ...]  # the four sides; empty for a round front
+    thickness: float  # of the part behind the plane, as far as it is seen [m]
 
     def sigma(self, direction: np.ndarray) -> float:
         """Return the standard deviation of the angle between the normal and a unit direction in the plane [3] [rad]."""

@@ -80,58 +80,36 @@ COUNT = 5
 
 @dataclass(frozen=True)
 class Term:
-    """One residual, (value - expected) / sigma, with a robust loss.
+    """One residual, (value - expected) / sigma, with a robust loss."""
 
-    Attributes:
-        kind: what the value is:
-            AXIS: axis . direction; LINE: the point of the axis nearest to `point`, . direction [m];
-            ALONG_FRAME: axis . the frame's axis `index`; FACE: direction . the frame's axis `index`;
-            LEVEL: the frame's turn `index` [rad]; PRIOR: the joint's parameter `index`;
-            FLUSH: `point`, fixed to the part, moved to the closed coordinate, . direction [m].
-        joint: number of the joint.
-        frame: number of the frame.
-        index: see `kind`.
-        direction: unit, shape [3].
-        point: shape [3], [m].
-        expected: of the value.
-        sigma: standard deviation, in the unit of the value.
-        cut: number of sigmas from which a residual counts less and less (Cauchy); 0: none.
-    """
-
+    # what the value is: AXIS: axis . direction; LINE: the point of the axis nearest to `point`, . direction [m];
+    # ALONG_FRAME: axis . the frame's axis `index`; FACE: direction . the frame's axis `index`; LEVEL: the frame's
+    # turn `index` [rad]; PRIOR: the joint's parameter `index`; FLUSH: `point`, fixed to the part, moved to the
+    # closed coordinate, . direction [m]
     kind: int
-    joint: int
-    sigma: float
-    frame: int = 0
-    index: int = 0
-    direction: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
-    point: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
-    expected: float = 0.0
-    cut: float = 0.0
+    joint: int  # number of the joint
+    sigma: float  # standard deviation, in the unit of the value
+    frame: int = 0  # number of the frame
+    index: int = 0  # see `kind`
+    direction: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)  # unit, shape [3]
+    point: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)  # shape [3], [m]
+    expected: float = 0.0  # of the value
+    cut: float = 0.0  # number of sigmas from which a residual counts less and less (Cauchy); 0: none
 
 
 @dataclass(frozen=True)
 class PartPath:
-    """Points of a part on its way, and the distance to what is around it.
+    """Points of a part on its way, and the distance to what is around it."""
 
-    Attributes:
-        joint: number of the joint.
-        points: of the part in the scanned pose [m], shape [point 3].
-        slack: depth that each may have within the rest without a loss [m], shape [point].
-        coordinates: of the path, [m] or [rad], shape [step].
-        low: lowest corner of the grid [m], shape [3].
-        cell: width of its cells [m].
-        distance: to the rest of the scan at the grid's corners [m], negative behind its surface, shape [x y z].
-        weight: of the mean squared depth of all points and steps [1/m^2].
-    """
-
-    joint: int
-    points: np.ndarray
-    slack: np.ndarray
-    coordinates: np.ndarray
-    low: np.ndarray
-    cell: float
+    joint: int  # number of the joint
+    points: np.ndarray  # of the part in the scanned pose [m], shape [point 3]
+    slack: np.ndarray  # depth that each may have within the rest without a loss [m], shape [point]
+    coordinates: np.ndarray  # of the path, [m] or [rad], shape [step]
+    low: np.ndarray  # lowest corner of the grid [m], shape [3]
+    cell: float  # width of its cells [m]
+    # to the rest of the scan at the grid's corners [m], negative behind its surface, shape [x y z]
     distance: np.ndarray
-    weight: float
+    weight: float  # of the mean squared depth of all points and steps [1/m^2]
 
 
 class Loss:

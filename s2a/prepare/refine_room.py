@@ -203,23 +203,14 @@ MIN_CURVATURE = 100.0
 
 @dataclass(frozen=True)
 class JointedRoom:
-    """The joints of a room, and what its scan tells of them.
+    """The joints of a room, and what its scan tells of them."""
 
-    Attributes:
-        parts: ids of the parts that move.
-        joints: theirs, as annotated.
-        frame: number of the piece of furniture of each.
-        terms: of the loss, all but the priors.
-        paths: of the parts.
-        loss: function of all parameters.
-    """
-
-    parts: tuple[str, ...]
-    joints: tuple[Joint, ...]
-    frame: tuple[int, ...]
-    terms: tuple[Term, ...]
-    paths: tuple[PartPath, ...]
-    loss: Loss
+    parts: tuple[str, ...]  # ids of the parts that move
+    joints: tuple[Joint, ...]  # theirs, as annotated
+    frame: tuple[int, ...]  # number of the piece of furniture of each
+    terms: tuple[Term, ...]  # of the loss, all but the priors
+    paths: tuple[PartPath, ...]  # of the parts
+    loss: Loss  # function of all parameters
 
     @property
     def free(self) -> np.ndarray:
@@ -233,17 +224,11 @@ class JointedRoom:
 
 @dataclass(frozen=True)
 class RoomFit:
-    """The best parameters of a room.
+    """The best parameters of a room."""
 
-    Attributes:
-        values: of the joints, shape [joint 5]; 0 where they were not free.
-        sigma: their standard deviations, from the loss' second derivatives; 0 where they were not free.
-        turns: of the furniture [rad], shape [frame 3].
-    """
-
-    values: np.ndarray
-    sigma: np.ndarray
-    turns: np.ndarray
+    values: np.ndarray  # of the joints, shape [joint 5]; 0 where they were not free
+    sigma: np.ndarray  # their standard deviations, from the loss' second derivatives; 0 where they were not free
+    turns: np.ndarray  # of the furniture [rad], shape [frame 3]
 
 
 def joints_of(scene: Scene, config: RefineConfig) -> JointedRoom:

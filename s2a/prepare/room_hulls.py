@@ -63,19 +63,12 @@ class TopConfig:
 
 @dataclass(frozen=True, eq=False)
 class LevelTop:
-    """The level top of a support.
+    """The level top of a support."""
 
-    Attributes:
-        part: id of the support.
-        height: of the top [m].
-        boxes: that end there, scene coordinates.
-        layer: what the support's other hulls leave to them, convex hulls, scene coordinates.
-    """
-
-    part: str
-    height: float
-    boxes: tuple[Mesh, ...]
-    layer: tuple[Mesh, ...]
+    part: str  # id of the support
+    height: float  # of the top [m]
+    boxes: tuple[Mesh, ...]  # that end there, scene coordinates
+    layer: tuple[Mesh, ...]  # what the support's other hulls leave to them, convex hulls, scene coordinates
 
     def carries(self, low: np.ndarray, high: np.ndarray) -> bool:
         """Return True if there is a box below each of the points of an outline from `low` to `high` [2]."""

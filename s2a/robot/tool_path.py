@@ -22,19 +22,12 @@ TURN = 0.1
 
 @dataclass(frozen=True)
 class ToolPath:
-    """Poses that the tool frame passes.
+    """Poses that the tool frame passes."""
 
-    Attributes:
-        poses: shape [pose 4 4], scene frame.
-        q: coordinate of the part's joint at each [m or rad], shape [pose].
-        grasp: index of the pose in which the gripper closes, or touches the part that it pushes.
-        pushes: the gripper is closed from the beginning, and pushes.
-    """
-
-    poses: np.ndarray
-    q: np.ndarray
-    grasp: int
-    pushes: bool = False
+    poses: np.ndarray  # shape [pose 4 4], scene frame
+    q: np.ndarray  # coordinate of the part's joint at each [m or rad], shape [pose]
+    grasp: int  # index of the pose in which the gripper closes, or touches the part that it pushes
+    pushes: bool = False  # the gripper is closed from the beginning, and pushes
 
 
 def opening_coordinate(joint: Joint, point: np.ndarray, opening: float) -> float:

@@ -20,26 +20,19 @@ from s2a.core.errors import InputError
 
 @dataclass(frozen=True)
 class Artefact:
-    """One kind of file or folder.
+    """One kind of file or folder."""
 
-    Attributes:
-        name: of the kind in messages, with its article: "a scan's folder".
-        recognise: returns whether a path that exists holds this kind, from names of files or a look into one; never raises.
-        room: returns what is seen of it: a Scene, a SimRoom, or the described parts by id.
-        tree: returns it as text; None: the tree of its Scene.
-        notes: returns the stage that it is about, and what it notes of that stage's parts: rows of names and values by id.
-        report: returns it as a document of `s2a report`.
-        instead: returns what to do instead, for a kind that is not shown itself.
-        fallback: It is tried after all other rows: it takes whatever they leave, to say what is wrong with it.
-    """
-
-    name: str
+    name: str  # of the kind in messages, with its article: "a scan's folder"
+    # returns whether a path that exists holds this kind, from names of files or a look into one; never raises
     recognise: Callable[[Path], bool]
+    # returns what is seen of it: a Scene, a SimRoom, or the described parts by id
     room: Callable[[Path], Any] | None = None
-    tree: Callable[[Path], str] | None = None
+    tree: Callable[[Path], str] | None = None  # returns it as text; None: the tree of its Scene
+    # returns the stage that it is about, and what it notes of that stage's parts: rows of names and values by id
     notes: Callable[[Path], tuple[Path, dict[str, Any]]] | None = None
-    report: Callable[[Path], Any] | None = None
-    instead: Callable[[Path], str] | None = None
+    report: Callable[[Path], Any] | None = None  # returns it as a document of `s2a report`
+    instead: Callable[[Path], str] | None = None  # returns what to do instead, for a kind that is not shown itself
+    # It is tried after all other rows: it takes whatever they leave, to say what is wrong with it
     fallback: bool = False
 
 

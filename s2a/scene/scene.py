@@ -158,23 +158,14 @@ Motion = Joint | Literal["fixed", "free"]
 
 @dataclass(frozen=True)
 class Part:
-    """One annotated part of the scan, with its own surface, without its children's.
+    """One annotated part of the scan, with its own surface, without its children's."""
 
-    Attributes:
-        label: name given by the annotator ("handle base").
-        mesh: its surface in scene coordinates; may be empty.
-        parent: id of the part it belongs to, or None for an object.
-        motion: "fixed" to its parent, "free", or its Joint.
-        graspable: Annotated as the place where a gripper grasps the moving part.
-        mass: [kg] if annotated, else None.
-    """
-
-    label: str
-    mesh: Mesh
-    parent: str | None = None
-    motion: Motion = "fixed"
-    graspable: bool = False
-    mass: float | None = None
+    label: str  # name given by the annotator ("handle base")
+    mesh: Mesh  # its surface in scene coordinates; may be empty
+    parent: str | None = None  # id of the part it belongs to, or None for an object
+    motion: Motion = "fixed"  # "fixed" to its parent, "free", or its Joint
+    graspable: bool = False  # Annotated as the place where a gripper grasps the moving part
+    mass: float | None = None  # [kg] if annotated, else None
 
 
 @dataclass(frozen=True)

@@ -18,23 +18,17 @@ LEFT, RIGHT, LINK, PART = (wp.constant(i) for i in range(4))
 
 @wp.struct
 class PartContacts:
-    """Contacts of the robot in the last physics step; forces in N, directions in the world frame.
+    """Contacts of the robot in the last physics step; forces in N, directions in the world frame."""
 
-    Attributes:
-        normal: sum of the normal forces with which the left and right finger press on the region, shape [world 2] of vec3.
-        on_region: their magnitude added up, shape [world 2].
-        off_region: that of each finger on the rest of the body, shape [world 2].
-        other_links: that of all other links of the robot on the body, shape [world].
-        pull: force that the fingers exert on the region (0) and all else of the robot on the body (1), as a wrench on the
-            body about the world's origin, shape [world 2] of (force, torque).
-        peak: largest normal force of any contact of the robot since it was last set to zero, shape [world].
-    """
-
+    # sum of the normal forces with which the left and right finger press on the region, shape [world 2] of vec3
     normal: wp.array2d(dtype=wp.vec3)
-    on_region: wp.array2d(dtype=float)
-    off_region: wp.array2d(dtype=float)
-    other_links: wp.array(dtype=float)
+    on_region: wp.array2d(dtype=float)  # their magnitude added up, shape [world 2]
+    off_region: wp.array2d(dtype=float)  # that of each finger on the rest of the body, shape [world 2]
+    other_links: wp.array(dtype=float)  # that of all other links of the robot on the body, shape [world]
+    # force that the fingers exert on the region (0) and all else of the robot on the body (1), as a wrench on the
+    # body about the world's origin, shape [world 2] of (force, torque)
     pull: wp.array2d(dtype=wp.spatial_vector)
+    # largest normal force of any contact of the robot since it was last set to zero, shape [world]
     peak: wp.array(dtype=float)
 
 

@@ -36,35 +36,20 @@ def engaged(opening: float, reach: float):
 
 @wp.struct
 class Resisting:
-    """Joints of all worlds, each of shape [joint]; forces, damping and reach per unit of the coordinate.
+    """Joints of all worlds, each of shape [joint]; forces, damping and reach per unit of the coordinate."""
 
-    Attributes:
-        world: index of its world.
-        coord: of its coordinate among all worlds'.
-        dof: of its velocity likewise.
-        solver_dof: of its velocity within a world, as MuJoCo counts.
-        sign: 1 where it opens upwards.
-        lever: path of the grasp point by the coordinate.
-        friction: in motion.
-        breakaway: how much more at rest.
-        damping: everywhere.
-        force: of the soft close.
-        closing: its damping.
-        reach: of the soft close.
-    """
-
-    world: wp.array(dtype=int)
-    coord: wp.array(dtype=int)
-    dof: wp.array(dtype=int)
-    solver_dof: wp.array(dtype=int)
-    sign: wp.array(dtype=float)
-    lever: wp.array(dtype=float)
-    friction: wp.array(dtype=float)
-    breakaway: wp.array(dtype=float)
-    damping: wp.array(dtype=float)
-    force: wp.array(dtype=float)
-    closing: wp.array(dtype=float)
-    reach: wp.array(dtype=float)
+    world: wp.array(dtype=int)  # index of its world
+    coord: wp.array(dtype=int)  # of its coordinate among all worlds'
+    dof: wp.array(dtype=int)  # of its velocity likewise
+    solver_dof: wp.array(dtype=int)  # of its velocity within a world, as MuJoCo counts
+    sign: wp.array(dtype=float)  # 1 where it opens upwards
+    lever: wp.array(dtype=float)  # path of the grasp point by the coordinate
+    friction: wp.array(dtype=float)  # in motion
+    breakaway: wp.array(dtype=float)  # how much more at rest
+    damping: wp.array(dtype=float)  # everywhere
+    force: wp.array(dtype=float)  # of the soft close
+    closing: wp.array(dtype=float)  # its damping
+    reach: wp.array(dtype=float)  # of the soft close
 
 
 @wp.kernel

@@ -40,18 +40,13 @@ FLAT = 1e-9
 
 @dataclass(frozen=True)
 class Workspace:
-    """Where something can be touched.
+    """Where something can be touched."""
 
-    Attributes:
-        points: of the paths of all that moves, and of the space between the robot's shoulder and them [m], shape [point 3].
-        shoulder: of the robot [m], shape [3].
-        reach: of its arm [m].
-        resting: points of what is free to fall, where it stands [m], shape [point 3].
-    """
-
+    # of the paths of all that moves, and of the space between the robot's shoulder and them [m], shape [point 3]
     points: np.ndarray
-    shoulder: np.ndarray
-    reach: float
+    shoulder: np.ndarray  # of the robot [m], shape [3]
+    reach: float  # of its arm [m]
+    # points of what is free to fall, where it stands [m], shape [point 3]
     resting: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @cached_property

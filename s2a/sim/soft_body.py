@@ -87,25 +87,15 @@ SAMPLES = 500
 
 @dataclass(frozen=True)
 class SoftBody:
-    """A soft body at rest; its frame has its origin at the centre of mass, z up as it stands.
+    """A soft body at rest; its frame has its origin at the centre of mass, z up as it stands."""
 
-    Attributes:
-        vertices: of the tetrahedra [m], shape [vertex 3].
-        tets: their corners, shape [tet 4], of positive volume.
-        volume: [m^3].
-        boxes: the simulated cells as few boxes: what a rigid body of the same shape collides with.
-        surface: what is shown.
-        owner: tetrahedron that each vertex of the surface follows, shape [surface vertex].
-        weights: of its corners, sum 1, shape [surface vertex 4]; negative or above 1 outside of it.
-    """
-
-    vertices: np.ndarray
-    tets: np.ndarray
-    volume: float
-    boxes: tuple[Mesh, ...]
-    surface: Mesh
-    owner: np.ndarray
-    weights: np.ndarray
+    vertices: np.ndarray  # of the tetrahedra [m], shape [vertex 3]
+    tets: np.ndarray  # their corners, shape [tet 4], of positive volume
+    volume: float  # [m^3]
+    boxes: tuple[Mesh, ...]  # the simulated cells as few boxes: what a rigid body of the same shape collides with
+    surface: Mesh  # what is shown
+    owner: np.ndarray  # tetrahedron that each vertex of the surface follows, shape [surface vertex]
+    weights: np.ndarray  # of its corners, sum 1, shape [surface vertex 4]; negative or above 1 outside of it
 
     @property
     def vertex_volumes(self) -> np.ndarray:

@@ -16,31 +16,20 @@ from s2a.sim.world import JointConfig, SimStage, axis_of, body_index
 
 @dataclass(frozen=True)
 class Layout:
-    """Indices within a world.
+    """Indices within a world."""
 
-    Attributes:
-        robot_joints: number of the robot's driven joints; they are coordinates 0 to robot_joints - 1, the arm's first.
-        arm_joints: number of the arm's.
-        home: coordinates of the robot at the start of an episode [rad, m], shape [robot_joints].
-        followers: joints that mimic one of these, the next coordinates: index of that joint, and multiplier.
-        robot_bodies: all its links.
-        finger_bodies: left, right.
-        tool_body: the link that carries the tool frame.
-        part_body: the part that is to be moved.
-        part_coord: its coordinate.
-        part_dof: its velocity.
-    """
-
+    # number of the robot's driven joints; they are coordinates 0 to robot_joints - 1, the arm's first
     robot_joints: int
-    arm_joints: int
-    home: tuple[float, ...]
+    arm_joints: int  # number of the arm's
+    home: tuple[float, ...]  # coordinates of the robot at the start of an episode [rad, m], shape [robot_joints]
+    # joints that mimic one of these, the next coordinates: index of that joint, and multiplier
     followers: tuple[tuple[int, float], ...]
-    robot_bodies: tuple[int, ...]
-    finger_bodies: tuple[int, int]
-    tool_body: int
-    part_body: int
-    part_coord: int
-    part_dof: int
+    robot_bodies: tuple[int, ...]  # all its links
+    finger_bodies: tuple[int, int]  # left, right
+    tool_body: int  # the link that carries the tool frame
+    part_body: int  # the part that is to be moved
+    part_coord: int  # its coordinate
+    part_dof: int  # its velocity
 
 
 def layout(world: newton.ModelBuilder, robot: RobotSpec, stage: SimStage) -> Layout:

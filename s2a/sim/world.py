@@ -113,41 +113,30 @@ class JointConfig:
 
 @dataclass(frozen=True)
 class SimStage:
-    """One articulated part of a simulation-ready room, and what a robot needs to know of it.
+    """One articulated part of a simulation-ready room, and what a robot needs to know of it."""
 
-    Attributes:
-        path: the file.
-        target: id of the part.
-        joint: how it moves, scene frame.
-        base: pose of the robot's base, 7-vector, scene frame.
-        grasp: pose of the grasp frame at joint zero, 7-vector, scene frame: z into the furniture, y across the grasp
-            region's thin side.
-        grasp_size: extents of the grasp region along the grasp frame's axes [m], shape [3].
-        internal: the gripper holds the region from within, by opening.
-        region: the annotated surface to grasp, in the target's body frame, which at joint zero is the scene's.
-        pedestal: height and radius of the column under the robot's base [m]; no height: it stands on the floor.
-        robot: name of the robot that the base pose is for.
-        also: ids of further parts and free objects that move; everything else of the room is frozen at its scanned pose.
-        estimates: what was made of camera frames of the part (`s2a.tasks.mdp.seen`), of which a policy is told one in
-            each episode, shape [frame number]; None: it is told the truth.
-        push: pose of the tool, closed, in which it pushes the part instead of holding it, at joint zero, 7-vector, scene frame.
-        room: all of the file but its visuals.
-    """
-
-    path: Path
-    target: str
-    joint: Joint
-    base: np.ndarray
+    path: Path  # the file
+    target: str  # id of the part
+    joint: Joint  # how it moves, scene frame
+    base: np.ndarray  # pose of the robot's base, 7-vector, scene frame
+    # pose of the grasp frame at joint zero, 7-vector, scene frame: z into the furniture, y across the grasp
+    # region's thin side
     grasp: np.ndarray
-    grasp_size: np.ndarray
-    region: Mesh
+    grasp_size: np.ndarray  # extents of the grasp region along the grasp frame's axes [m], shape [3]
+    region: Mesh  # the annotated surface to grasp, in the target's body frame, which at joint zero is the scene's
+    # height and radius of the column under the robot's base [m]; no height: it stands on the floor
     pedestal: tuple[float, float] = (0.0, 0.0)
-    robot: str = DEFAULT_ROBOT
+    robot: str = DEFAULT_ROBOT  # name of the robot that the base pose is for
+    # ids of further parts and free objects that move; everything else of the room is frozen at its scanned pose
     also: tuple[str, ...] = ()
+    # what was made of camera frames of the part (`s2a.tasks.mdp.seen`), of which a policy is told one in each
+    # episode, shape [frame number]; None: it is told the truth
     estimates: np.ndarray | None = field(default=None, repr=False)
+    # pose of the tool, closed, in which it pushes the part instead of holding it, at joint zero, 7-vector, scene
+    # frame
     push: np.ndarray | None = None
-    internal: bool = False
-    room: SimRoom = field(kw_only=True, repr=False)
+    internal: bool = False  # the gripper holds the region from within, by opening
+    room: SimRoom = field(kw_only=True, repr=False)  # all of the file but its visuals
 
     @property
     def active(self) -> tuple[str, ...]:

@@ -90,22 +90,15 @@ class MetricsConfig:
 
 @dataclass(frozen=True)
 class Results:
-    """Results of a finished episode: columns of `State.result` by name.
+    """Results of a finished episode: columns of `State.result` by name."""
 
-    Attributes:
-        rates: columns of 0 or 1.
-        values: columns of a number.
-        logged: rates over recent episodes that training logs; the first one decides which checkpoint is the best, and which
-            demonstrations are kept.
-        success: the rate by which the task counts as done.
-        version: raised whenever a column changes its meaning.
-    """
-
-    rates: Terms
-    values: Terms
+    rates: Terms  # columns of 0 or 1
+    values: Terms  # columns of a number
+    # rates over recent episodes that training logs; the first one decides which checkpoint is the best, and which
+    # demonstrations are kept
     logged: tuple[str, ...]
-    success: str
-    version: int
+    success: str  # the rate by which the task counts as done
+    version: int  # raised whenever a column changes its meaning
 
     @property
     def names(self) -> tuple[str, ...]:

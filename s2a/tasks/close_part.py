@@ -27,13 +27,9 @@ class ClosePartConfig(PartMdp):
 
 @dataclass(frozen=True)
 class ClosePartMetrics(MetricsConfig):
-    """Thresholds of what is reported.
+    """Thresholds of what is reported."""
 
-    Attributes:
-        closed_opening: opening up to which the part counts as closed [m].
-    """
-
-    closed_opening: NotNegative
+    closed_opening: NotNegative  # opening up to which the part counts as closed [m]
 
 
 class ClosePart(Task):

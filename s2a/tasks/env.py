@@ -32,17 +32,11 @@ FINGER_TIME = 0.05
 
 @dataclass(frozen=True)
 class DemoStarts:
-    """How many episodes start on a demonstration.
+    """How many episodes start on a demonstration."""
 
-    Attributes:
-        demonstrations: one a stage.
-        fraction: of the episodes that start on it.
-        moved_fraction: of these, the fraction that starts where the part is already moved; they are not counted.
-    """
-
-    demonstrations: Sequence[Demonstration]
-    fraction: float
-    moved_fraction: float
+    demonstrations: Sequence[Demonstration]  # one a stage
+    fraction: float  # of the episodes that start on it
+    moved_fraction: float  # of these, the fraction that starts where the part is already moved; they are not counted
 
 
 class VecEnv:

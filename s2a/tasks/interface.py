@@ -21,25 +21,15 @@ RANGE = re.compile(r"-?[\d.]+ to [\d.]+|0 or 1|unit vector")
 
 @dataclass(frozen=True)
 class TermColumns:
-    """Neighbouring columns with one meaning.
+    """Neighbouring columns with one meaning."""
 
-    Attributes:
-        name: of the term, or of the joint.
-        columns: where it is in an observation or action.
-        meaning: in words.
-        unit: "1" for none.
-        frame: of coordinates; empty for what has none.
-        range: of the values; empty: unbounded.
-        setting: key of the task that turns it on; empty: it is always there.
-    """
-
-    name: str
-    columns: range
-    meaning: str
-    unit: str
-    frame: str
-    range: str
-    setting: str = ""
+    name: str  # of the term, or of the joint
+    columns: range  # where it is in an observation or action
+    meaning: str  # in words
+    unit: str  # "1" for none
+    frame: str  # of coordinates; empty for what has none
+    range: str  # of the values; empty: unbounded
+    setting: str = ""  # key of the task that turns it on; empty: it is always there
 
 
 def observations(kind: type[Task], config: Any, joints: int, critic: bool = False) -> list[TermColumns]:

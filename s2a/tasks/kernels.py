@@ -16,55 +16,31 @@ CONTACT_BITS = wp.constant(int(OverflowType.BROADPHASE | OverflowType.NARROWPHAS
 
 @wp.struct
 class Motion:
-    """How an action moves the joint targets, and where an episode starts.
+    """How an action moves the joint targets, and where an episode starts."""
 
-    Attributes:
-        step: largest change of an arm joint's target in a control step [rad].
-        finger_step: that of a finger [m].
-        limited: 1 where the controller keeps to velocity and acceleration; then the first two are not used.
-        coupled: 1 where one motor drives both fingers.
-        velocity: velocity of each joint for an action of 1 [rad/s, m/s], shape [joint].
-        acceleration: largest change of it [rad/s^2, m/s^2], shape [joint].
-        window: distance of a target from its joint's position at which it stops [rad, m].
-        dt: physics time step [s].
-        delay: least and greatest number of control steps by which an action comes late.
-        home: joint positions at the start [rad, m], shape [joint].
-        leader: of each joint that mimics another, the index of that one, shape [follower].
-        multiplier: of each, shape [follower].
-        noise: half range of the uniform noise on it [rad, m].
-        start: coordinates of everything else at the start, shape [world coord].
-        part_coord: index of the part's coordinate, shape [world].
-        stage: index of each world's stage, shape [world].
-        demo_targets: joint targets of a demonstration, shape [stage step joint].
-        demo_positions: where the joints and, last, the part then are, shape [stage step joint + 1].
-        demo_grasped: steps of each until the gripper has closed, shape [stage].
-        demo_steps: all its steps, shape [stage].
-        demo_fraction: fraction of the episodes that start on it.
-        moved_fraction: of these, the fraction that starts where the part is already moved.
-    """
-
-    step: float
-    finger_step: float
-    limited: int
-    coupled: int
-    velocity: wp.array(dtype=float)
-    acceleration: wp.array(dtype=float)
-    window: float
-    dt: float
-    delay: wp.vec2i
-    home: wp.array(dtype=float)
-    leader: wp.array(dtype=int)
-    multiplier: wp.array(dtype=float)
-    noise: float
-    start: wp.array2d(dtype=float)
-    part_coord: wp.array(dtype=int)
-    stage: wp.array(dtype=int)
-    demo_targets: wp.array3d(dtype=float)
+    step: float  # largest change of an arm joint's target in a control step [rad]
+    finger_step: float  # that of a finger [m]
+    limited: int  # 1 where the controller keeps to velocity and acceleration; then the first two are not used
+    coupled: int  # 1 where one motor drives both fingers
+    velocity: wp.array(dtype=float)  # velocity of each joint for an action of 1 [rad/s, m/s], shape [joint]
+    acceleration: wp.array(dtype=float)  # largest change of it [rad/s^2, m/s^2], shape [joint]
+    window: float  # distance of a target from its joint's position at which it stops [rad, m]
+    dt: float  # physics time step [s]
+    delay: wp.vec2i  # least and greatest number of control steps by which an action comes late
+    home: wp.array(dtype=float)  # joint positions at the start [rad, m], shape [joint]
+    leader: wp.array(dtype=int)  # of each joint that mimics another, the index of that one, shape [follower]
+    multiplier: wp.array(dtype=float)  # of each, shape [follower]
+    noise: float  # half range of the uniform noise on it [rad, m]
+    start: wp.array2d(dtype=float)  # coordinates of everything else at the start, shape [world coord]
+    part_coord: wp.array(dtype=int)  # index of the part's coordinate, shape [world]
+    stage: wp.array(dtype=int)  # index of each world's stage, shape [world]
+    demo_targets: wp.array3d(dtype=float)  # joint targets of a demonstration, shape [stage step joint]
+    # where the joints and, last, the part then are, shape [stage step joint + 1]
     demo_positions: wp.array3d(dtype=float)
-    demo_grasped: wp.array(dtype=int)
-    demo_steps: wp.array(dtype=int)
-    demo_fraction: float
-    moved_fraction: float
+    demo_grasped: wp.array(dtype=int)  # steps of each until the gripper has closed, shape [stage]
+    demo_steps: wp.array(dtype=int)  # all its steps, shape [stage]
+    demo_fraction: float  # fraction of the episodes that start on it
+    moved_fraction: float  # of these, the fraction that starts where the part is already moved
 
 
 @wp.kernel

@@ -23,23 +23,15 @@ from s2a.sim.world import SimStage, read_stage, stage_of
 
 @dataclass(frozen=True)
 class PoolPart:
-    """A part of a pool.
+    """A part of a pool."""
 
-    Attributes:
-        room: its sim.usd, relative to the index.
-        part: its id.
-        kind: of its joint, prismatic or revolute.
-        handle: family or style of its handle, as the truth of a virtual scan says; of other scans: scanned, added or none.
-        motion: file of the planner's motion, relative to the index.
-        frames: file of what a depth camera sees of it, relative to the index; empty: nothing was taken.
-    """
-
-    room: str
-    part: str
-    kind: str
+    room: str  # its sim.usd, relative to the index
+    part: str  # its id
+    kind: str  # of its joint, prismatic or revolute
+    # family or style of its handle, as the truth of a virtual scan says; of other scans: scanned, added or none
     handle: str
-    motion: str
-    frames: str = ""
+    motion: str  # file of the planner's motion, relative to the index
+    frames: str = ""  # file of what a depth camera sees of it, relative to the index; empty: nothing was taken
 
 
 def is_index(path: Path) -> bool:

@@ -37,13 +37,9 @@ class PutInConfig(PickPlaceConfig):
 
 @dataclass(frozen=True)
 class PutInMetrics(PickPlaceMetrics):
-    """Thresholds of what is reported.
+    """Thresholds of what is reported."""
 
-    Attributes:
-        min_ride: least path of the part towards shut with the object in it, untouched by the robot [m].
-    """
-
-    min_ride: Positive
+    min_ride: Positive  # least path of the part towards shut with the object in it, untouched by the robot [m]
 
 
 class PutIn(PickPlace):

@@ -71,21 +71,13 @@ class SoftMetrics:
 
 @dataclass(frozen=True)
 class SoftEpisode:
-    """What was recorded.
+    """What was recorded."""
 
-    Attributes:
-        center: centre of mass [m], shape [step 3].
-        forces: of the body on the left and the right finger [N], shape [step 2 3].
-        gap: least distance of fingers and gripper body from the body's vertices [m], shape [step].
-        depth: of the arm in the room's hulls [m], shape [step].
-        rate: steps a second.
-    """
-
-    center: np.ndarray
-    forces: np.ndarray
-    gap: np.ndarray
-    depth: np.ndarray
-    rate: float
+    center: np.ndarray  # centre of mass [m], shape [step 3]
+    forces: np.ndarray  # of the body on the left and the right finger [N], shape [step 2 3]
+    gap: np.ndarray  # least distance of fingers and gripper body from the body's vertices [m], shape [step]
+    depth: np.ndarray  # of the arm in the room's hulls [m], shape [step]
+    rate: float  # steps a second
 
 
 def outcome(episode: SoftEpisode, goal: np.ndarray, metrics: SoftMetrics) -> dict[str, float | bool]:
@@ -274,25 +266,15 @@ Watch = Callable[[int, SoftSimulation], None]
 
 @dataclass(frozen=True)
 class SoftTrial:
-    """A soft body to be picked and placed.
+    """A soft body to be picked and placed."""
 
-    Attributes:
-        room: without it.
-        body: at rest.
-        config: how it is simulated.
-        robot: what picks it.
-        start: pose of its frame, 7-vector, scene frame.
-        goal: likewise.
-        plan: how.
-    """
-
-    room: SimRoom
-    body: SoftBody
-    config: SoftConfig
-    robot: RobotSpec
-    start: np.ndarray
-    goal: np.ndarray
-    plan: PickPlan
+    room: SimRoom  # without it
+    body: SoftBody  # at rest
+    config: SoftConfig  # how it is simulated
+    robot: RobotSpec  # what picks it
+    start: np.ndarray  # pose of its frame, 7-vector, scene frame
+    goal: np.ndarray  # likewise
+    plan: PickPlan  # how
 
 
 def plan_trial(

@@ -194,27 +194,16 @@ class TaskTarget:
 
 @wp.struct
 class EstimatedPart:
-    """What a policy observes of a part by an estimate (`s2a.tasks.mdp.seen`), the part at zero, world frame.
+    """What a policy observes of a part by an estimate (`s2a.tasks.mdp.seen`), the part at zero, world frame."""
 
-    Attributes:
-        grasp: the grasp frame.
-        axis: of the joint, positive opens.
-        along: direction in which the grasp point moves first when the part opens.
-        origin: of the joint [m].
-        size: extents of the grasp region along the grasp frame's axes [m].
-        slides: 1 for a slide, 0 for a hinge.
-        lever_arm: of a hinge [m], 0 for a slide.
-        travel: opening at the open limit [m].
-    """
-
-    grasp: wp.transform
-    axis: wp.vec3
-    along: wp.vec3
-    origin: wp.vec3
-    size: wp.vec3
-    slides: int
-    lever_arm: float
-    travel: float
+    grasp: wp.transform  # the grasp frame
+    axis: wp.vec3  # of the joint, positive opens
+    along: wp.vec3  # direction in which the grasp point moves first when the part opens
+    origin: wp.vec3  # of the joint [m]
+    size: wp.vec3  # extents of the grasp region along the grasp frame's axes [m]
+    slides: int  # 1 for a slide, 0 for a hinge
+    lever_arm: float  # of a hinge [m], 0 for a slide
+    travel: float  # opening at the open limit [m]
 
 
 @wp.struct
@@ -249,30 +238,22 @@ class ObjectPlace:
 
 @wp.struct
 class Numbers:
-    """Settings of tasks and metrics by their own names; those that a task has not are 0.
-
-    Attributes:
-        close_distance: -1 where a task has none.
-        firm: cosine between the fingers' forces from which a grasp is rewarded in full.
-        bonus: openings that give a bonus [m].
-        counted_force: `contact_force` of the metrics: from which a contact counts in results [N].
-        control_step: [s].
-    """
+    """Settings of tasks and metrics by their own names; those that a task has not are 0."""
 
     contact_force: float
     velocity_scale: float
     observation_limit: float
-    close_distance: float
+    close_distance: float  # -1 where a task has none
     gentle_force: float
     termination_opening: float
-    firm: float
-    bonus: wp.vec3
+    firm: float  # cosine between the fingers' forces from which a grasp is rewarded in full
+    bonus: wp.vec3  # openings that give a bonus [m]
     position_tolerance: float
     angle_tolerance: float
     rest_shift: float
     rest_turn: float
     clear_distance: float
-    counted_force: float
+    counted_force: float  # `contact_force` of the metrics: from which a contact counts in results [N]
     static_speed: float
     grasp_fraction: float
     contact_fraction: float
@@ -281,7 +262,7 @@ class Numbers:
     max_drift: float
     max_disturbance: float
     min_ride: float
-    control_step: float
+    control_step: float  # [s]
 
 
 @wp.struct

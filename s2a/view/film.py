@@ -40,15 +40,10 @@ MAX_FACES = 200_000
 
 @dataclass(frozen=True)
 class Film:
-    """A video.
+    """A video."""
 
-    Attributes:
-        caption: which world, how it ended, how fast it is shown.
-        data: an mp4 file (H.264).
-    """
-
-    caption: str
-    data: bytes
+    caption: str  # which world, how it ended, how fast it is shown
+    data: bytes  # an mp4 file (H.264)
 
 
 def films(path: Path, stage: Path) -> list[Film]:

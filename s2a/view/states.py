@@ -34,29 +34,18 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class States:
-    """What moved in worlds of one room.
+    """What moved in worlds of one room."""
 
-    Attributes:
-        rate: frames a second.
-        robot: its name.
-        base: pose of its base, position [m] and quaternion xyzw, scene frame, shape [7].
-        sha256: of the room's file.
-        names: of the worlds.
-        joints: coordinates of the robot's joints [rad, m], for each world of shape [frame joint].
-        parts: coordinates of articulated parts by id [m or rad], for each world of shape [frame].
-        objects: poses of free objects by id, for each world of shape [frame 7].
-        success: The episode of each world succeeded; None: the file does not say.
-    """
-
-    rate: float
-    robot: str
-    base: np.ndarray
-    sha256: str
-    names: list[str]
-    joints: list[np.ndarray]
+    rate: float  # frames a second
+    robot: str  # its name
+    base: np.ndarray  # pose of its base, position [m] and quaternion xyzw, scene frame, shape [7]
+    sha256: str  # of the room's file
+    names: list[str]  # of the worlds
+    joints: list[np.ndarray]  # coordinates of the robot's joints [rad, m], for each world of shape [frame joint]
+    # coordinates of articulated parts by id [m or rad], for each world of shape [frame]
     parts: dict[str, list[np.ndarray]]
-    objects: dict[str, list[np.ndarray]]
-    success: list[bool] | None = None
+    objects: dict[str, list[np.ndarray]]  # poses of free objects by id, for each world of shape [frame 7]
+    success: list[bool] | None = None  # The episode of each world succeeded; None: the file does not say
 
     def of_worlds(self, chosen: Sequence[int]) -> States:
         """Return the states of some worlds, by their indices."""

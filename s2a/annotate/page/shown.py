@@ -120,19 +120,12 @@ GRID = np.linspace(0.1, 0.9, 7)
 
 @dataclass(frozen=True)
 class CameraView:
-    """A camera.
+    """A camera."""
 
-    Attributes:
-        position: [m], shape [3].
-        rotation: from its axes (right, down, forwards) to the scene's, shape [3 3].
-        fov: vertical field of view [rad].
-        aspect: width by height of the image.
-    """
-
-    position: np.ndarray
-    rotation: np.ndarray
-    fov: float
-    aspect: float
+    position: np.ndarray  # [m], shape [3]
+    rotation: np.ndarray  # from its axes (right, down, forwards) to the scene's, shape [3 3]
+    fov: float  # vertical field of view [rad]
+    aspect: float  # width by height of the image
 
     def ray(self, x: float, y: float) -> np.ndarray:
         """Return the direction through a place of the image, from 0, 0 at the top left to 1, 1, shape [3]."""

@@ -73,19 +73,12 @@ STILE = 0.0015
 
 @dataclass(frozen=True, eq=False)
 class SeenFront:
-    """A front on a plane's image.
+    """A front on a plane's image."""
 
-    Attributes:
-        box: its rectangle.
-        motion: how it opens, of MOTIONS.
-        score: probability, 0 to 1, times the fraction of its cells that agree about the rectangle.
-        handle: rectangle around its handle; None where none is seen.
-    """
-
-    box: CellBox
-    motion: Motion
-    score: float
-    handle: CellBox | None
+    box: CellBox  # its rectangle
+    motion: Motion  # how it opens, of MOTIONS
+    score: float  # probability, 0 to 1, times the fraction of its cells that agree about the rectangle
+    handle: CellBox | None  # rectangle around its handle; None where none is seen
 
 
 def fronts(layer: Layer, floor: float, network: FrontNetwork, config: ProposeConfig) -> Iterator[SeenFront]:

@@ -43,17 +43,11 @@ def opens(label: str) -> bool | None:
 
 @dataclass(frozen=True, eq=False)
 class LabelledFaces:
-    """The faces of a scan whose labels speak for or against fronts.
+    """The faces of a scan whose labels speak for or against fronts."""
 
-    Attributes:
-        areas: of all faces of the scan [m^2], shape [face].
-        open: mask of the faces of furniture that opens, shape [face].
-        closed: mask of the faces of what has no front, shape [face].
-    """
-
-    areas: np.ndarray
-    open: np.ndarray
-    closed: np.ndarray
+    areas: np.ndarray  # of all faces of the scan [m^2], shape [face]
+    open: np.ndarray  # mask of the faces of furniture that opens, shape [face]
+    closed: np.ndarray  # mask of the faces of what has no front, shape [face]
 
     @classmethod
     def of(cls, areas: np.ndarray, labels: Sequence[str], label: np.ndarray) -> LabelledFaces:

@@ -62,17 +62,11 @@ CONNECTED = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points spread evenly over a surface.
+    """Points spread evenly over a surface."""
 
-    Attributes:
-        place: [m], shape [point 3].
-        normal: of their faces, shape [point 3].
-        color: RGB, shape [point 3].
-    """
-
-    place: np.ndarray
-    normal: np.ndarray
-    color: np.ndarray
+    place: np.ndarray  # [m], shape [point 3]
+    normal: np.ndarray  # of their faces, shape [point 3]
+    color: np.ndarray  # RGB, shape [point 3]
 
     def __getitem__(self, chosen: np.ndarray | slice) -> Points:
         """Return some of the points."""
@@ -81,31 +75,19 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A plane of the room and its image; a cell's place is `low + cell * (column, row)`, rows upwards.
+    """A plane of the room and its image; a cell's place is `low + cell * (column, row)`, rows upwards."""
 
-    Attributes:
-        normal: horizontal, into the room, shape [3].
-        right: level direction in the plane, to the right as seen from the room, shape [3].
-        offset: normal.x on the plane [m].
-        low: place of cell 0, 0: along `right`, and the height over zero [m], shape [2].
-        cell: width of a cell [m].
-        color: RGB of the surface near the plane, shape [row column 3]; NaN where there is none.
-        height: of that surface over the plane [m], shape [row column]; NaN where there is none.
-        ahead: height of what stands out over the plane [m], at most AHEAD, shape [row column]; 0 where nothing does.
-        relief: `ahead` over its median around [m], shape [row column].
-        wall: upright surface across the plane stands out by WALL and more, shape [row column].
-    """
-
-    normal: np.ndarray
-    right: np.ndarray
-    offset: float
-    low: np.ndarray
-    cell: float
-    color: np.ndarray
-    height: np.ndarray
+    normal: np.ndarray  # horizontal, into the room, shape [3]
+    right: np.ndarray  # level direction in the plane, to the right as seen from the room, shape [3]
+    offset: float  # normal.x on the plane [m]
+    low: np.ndarray  # place of cell 0, 0: along `right`, and the height over zero [m], shape [2]
+    cell: float  # width of a cell [m]
+    color: np.ndarray  # RGB of the surface near the plane, shape [row column 3]; NaN where there is none
+    height: np.ndarray  # of that surface over the plane [m], shape [row column]; NaN where there is none
+    # height of what stands out over the plane [m], at most AHEAD, shape [row column]; 0 where nothing does
     ahead: np.ndarray
-    relief: np.ndarray
-    wall: np.ndarray
+    relief: np.ndarray  # `ahead` over its median around [m], shape [row column]
+    wall: np.ndarray  # upright surface across the plane stands out by WALL and more, shape [row column]
 
 
 def spread(surface: SplitSurface, density: float, seed: int = 0) -> Points:

@@ -22,20 +22,15 @@ WRITERS = {"mjcf": mjcf, "urdf": urdf}
 
 @dataclass(frozen=True)
 class ConvertSettings:
-    """Keys of `s2a convert`: what is written, and how.
+    """Keys of `s2a convert`: what is written, and how."""
 
-    Attributes:
-        stage: the sim.usd.
-        out: folder that receives room.xml or room.urdf, and the meshes.
-        to: format.
-        parts: articulated parts and free objects that move: all, the id of one, or several; all others are frozen.
-        sim: how physics is stepped here; the joint's spring and damping, the time step and the solver's settings are handed on.
-    """
-
-    stage: Path
-    out: Output
-    to: Literal["mjcf", "urdf"]
+    stage: Path  # the sim.usd
+    out: Output  # folder that receives room.xml or room.urdf, and the meshes
+    to: Literal["mjcf", "urdf"]  # format
+    # articulated parts and free objects that move: all, the id of one, or several; all others are frozen
     parts: str | tuple[str, ...]
+    # how physics is stepped here; the joint's spring and damping, the time step and the solver's settings are
+    # handed on
     sim: SimConfig
 
 

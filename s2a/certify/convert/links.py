@@ -30,36 +30,23 @@ MIN_AREA = 1e-8
 
 @dataclass(frozen=True)
 class Link:
-    """A rigid body, or the room itself.
+    """A rigid body, or the room itself."""
 
-    Attributes:
-        colliders: convex hulls by name, in the body's frame, which is the scene's for all but free objects.
-        visuals: surfaces by name, in the same frame.
-    """
-
+    # convex hulls by name, in the body's frame, which is the scene's for all but free objects
     colliders: dict[str, Mesh] = field(default_factory=dict)
-    visuals: dict[str, Mesh] = field(default_factory=dict)
+    visuals: dict[str, Mesh] = field(default_factory=dict)  # surfaces by name, in the same frame
 
 
 @dataclass(frozen=True)
 class LinkedRoom:
-    """A room of which some bodies move and all else stands still.
+    """A room of which some bodies move and all else stands still."""
 
-    Attributes:
-        room: the room.
-        active: ids of the articulated parts and free objects that move.
-        bodies: ids of these and of the fixed bodies that carry them, parents before children.
-        links: by id, STATIC among them.
-        builder: the same room for Newton.
-        shape_names: name of every shape of the builder; that of a hull names it in its link too.
-    """
-
-    room: SimRoom
-    active: tuple[str, ...]
-    bodies: tuple[str, ...]
-    links: dict[str, Link]
-    builder: newton.ModelBuilder
-    shape_names: list[str]
+    room: SimRoom  # the room
+    active: tuple[str, ...]  # ids of the articulated parts and free objects that move
+    bodies: tuple[str, ...]  # ids of these and of the fixed bodies that carry them, parents before children
+    links: dict[str, Link]  # by id, STATIC among them
+    builder: newton.ModelBuilder  # the same room for Newton
+    shape_names: list[str]  # name of every shape of the builder; that of a hull names it in its link too
 
     def filtered(self) -> list[tuple[str, str]]:
         """Return the pairs of links that do not collide: those that a joint connects, and those that overlap somewhere."""

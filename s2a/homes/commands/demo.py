@@ -38,17 +38,11 @@ class Config:
 
 @dataclass(frozen=True)
 class DemoStep:
-    """One command of the demo.
+    """One command of the demo."""
 
-    Attributes:
-        title: what it does, in words.
-        seconds: it takes on two idle cores; a slower machine stretches all alike.
-        command: as it is typed.
-    """
-
-    title: str
-    seconds: float
-    command: str
+    title: str  # what it does, in words
+    seconds: float  # it takes on two idle cores; a slower machine stretches all alike
+    command: str  # as it is typed
 
 
 def steps(demo: str, robot: str) -> list[DemoStep]:

@@ -112,15 +112,11 @@ def is_taken(handle: str, config: Config) -> bool:
 
 
 class PoolJob(rooms.RoomJob):
-    """An annotated scan on its way to parts of a pool, without visuals, which no training loads.
-
-    Attributes:
-        config: the command's keys.
-    """
+    """An annotated scan on its way to parts of a pool, without visuals, which no training loads."""
 
     ROOMS: ClassVar[tuple[str, ...]] = (*WHICH, "out", "jobs")
     VISUALS: ClassVar[bool] = False
-    config: Config
+    config: Config  # the command's keys
     _visible: VisibleRoom | None = None
 
     def frames(self, room: SimRoom, part: str) -> str:

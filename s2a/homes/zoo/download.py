@@ -132,25 +132,15 @@ FLAWS = (*["duplicated vertices"] * 6, "inconsistent winding", "non-manifold edg
 
 @dataclass(frozen=True)
 class Download:
-    """An object as it comes.
+    """An object as it comes."""
 
-    Attributes:
-        object: what it really is.
-        unit: key of UNITS in which its file counts.
-        up: key of UPS.
-        yaw: how far it was turned about its upright axis first [deg].
-        origin: one of ORIGINS.
-        flaw: one of FLAWS, or None.
-        form: key of `formats.WRITERS`.
-    """
-
-    object: ZooObject
-    unit: str
-    up: str
-    yaw: int
-    origin: str
-    flaw: str | None
-    form: str
+    object: ZooObject  # what it really is
+    unit: str  # key of UNITS in which its file counts
+    up: str  # key of UPS
+    yaw: int  # how far it was turned about its upright axis first [deg]
+    origin: str  # one of ORIGINS
+    flaw: str | None  # one of FLAWS, or None
+    form: str  # key of `formats.WRITERS`
 
     @property
     def file(self) -> str:

@@ -241,21 +241,13 @@ Placement = Literal["on", "against wall", "hanging", "inside"]
 
 @dataclass(frozen=True)
 class ZooObject:
-    """A labelled object.
+    """A labelled object."""
 
-    Attributes:
-        label: what it is called.
-        category: the kind of place it belongs to.
-        surface: its shape [m], upright in its natural pose on z = 0, its front towards +x.
-        placement: on something, standing or leaning against a wall, hanging on one, or kept inside something.
-        rare: The label is a brand's or a rare word.
-    """
-
-    label: str
-    category: Category
-    surface: Surface
-    placement: Placement
-    rare: bool
+    label: str  # what it is called
+    category: Category  # the kind of place it belongs to
+    surface: Surface  # its shape [m], upright in its natural pose on z = 0, its front towards +x
+    placement: Placement  # on something, standing or leaning against a wall, hanging on one, or kept inside something
+    rare: bool  # The label is a brand's or a rare word
 
     @property
     def slug(self) -> str:

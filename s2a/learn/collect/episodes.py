@@ -36,48 +36,28 @@ REPLAY = "replay/episode_{index:06d}.npz"
 
 @dataclass(frozen=True)
 class Episode:
-    """What one world saw and did.
+    """What one world saw and did."""
 
-    Attributes:
-        columns: numbers of every frame by the name of their feature, shape [frame n].
-        images: finished files.
-        task: what the robot was to do, in words.
-        result: the task's metrics by name.
-        origin: "seed" of its batch, "world" in it, and "worlds": how many there were.
-        actions: of every control step, shape [step action].
-        start: what `VecEnv.state_dict` has of its world at the start.
-    """
-
-    columns: dict[str, np.ndarray]
-    images: dict[Key, Images]
-    task: str
-    result: dict[str, float]
-    origin: dict[str, int]
-    actions: np.ndarray
-    start: dict[str, np.ndarray]
+    columns: dict[str, np.ndarray]  # numbers of every frame by the name of their feature, shape [frame n]
+    images: dict[Key, Images]  # finished files
+    task: str  # what the robot was to do, in words
+    result: dict[str, float]  # the task's metrics by name
+    origin: dict[str, int]  # "seed" of its batch, "world" in it, and "worlds": how many there were
+    actions: np.ndarray  # of every control step, shape [step action]
+    start: dict[str, np.ndarray]  # what `VecEnv.state_dict` has of its world at the start
 
 
 @dataclass(frozen=True)
 class Features:
-    """What every frame holds.
+    """What every frame holds."""
 
-    Attributes:
-        robot: its name.
-        fps: frames a second.
-        columns: names of the numbers of each feature.
-        cameras: their names.
-        size: width and height of the images [pixel].
-        action_range: least and greatest joint target [rad, m], shape [2 joint].
-        world: physics and task, as plain values.
-    """
-
-    robot: str
-    fps: int
-    columns: Mapping[str, Sequence[str]]
-    cameras: Sequence[str]
-    size: tuple[int, int]
-    action_range: np.ndarray
-    world: Mapping[str, object]
+    robot: str  # its name
+    fps: int  # frames a second
+    columns: Mapping[str, Sequence[str]]  # names of the numbers of each feature
+    cameras: Sequence[str]  # their names
+    size: tuple[int, int]  # width and height of the images [pixel]
+    action_range: np.ndarray  # least and greatest joint target [rad, m], shape [2 joint]
+    world: Mapping[str, object]  # physics and task, as plain values
 
 
 class Dataset(Protocol):

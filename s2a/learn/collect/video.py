@@ -31,20 +31,14 @@ LEVEL = 1
 
 @dataclass(frozen=True)
 class Images:
-    """A finished file.
+    """A finished file."""
 
-    Attributes:
-        path: of it.
-        frames: how many.
-        stats: of a ColourVideo: min, max, mean, std and quantiles of its channels in [0, 1], shape [3 1 1], and the number of
-            frames.
-        lengths: of a DeflatedImages: bytes of each frame.
-    """
-
-    path: Path
-    frames: int
+    path: Path  # of it
+    frames: int  # how many
+    # of a ColourVideo: min, max, mean, std and quantiles of its channels in [0, 1], shape [3 1 1], and the number
+    # of frames
     stats: dict[str, Any] = field(default_factory=dict)
-    lengths: tuple[int, ...] = ()
+    lengths: tuple[int, ...] = ()  # of a DeflatedImages: bytes of each frame
 
 
 class ImageFile(Protocol):
@@ -187,17 +181,11 @@ CHANNELS = {"image": (np.uint8, (3,)), "depth": (np.uint16, ()), "instances": (n
 
 @dataclass(frozen=True)
 class FrameMemory:
-    """How the frames of all worlds lie in memory.
+    """How the frames of all worlds lie in memory."""
 
-    Attributes:
-        keys: what there is of each world.
-        worlds: how many.
-        size: width and height [pixel].
-    """
-
-    keys: tuple[Key, ...]
-    worlds: int
-    size: tuple[int, int]
+    keys: tuple[Key, ...]  # what there is of each world
+    worlds: int  # how many
+    size: tuple[int, int]  # width and height [pixel]
 
     def arrays(self, memory: Any) -> list[dict[Key, np.ndarray]]:
         """Return the images in shared memory, shape [world height width ...], one dictionary a slot."""

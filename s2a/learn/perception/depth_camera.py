@@ -104,15 +104,10 @@ class DepthCameraConfig:
 
 @dataclass(frozen=True)
 class PartCloud:
-    """Points of a frame on a part and around it.
+    """Points of a frame on a part and around it."""
 
-    Attributes:
-        points: in the robot's base frame [m], shape [point 3].
-        is_part: which lie on the part, as a segmentation mask tells, shape [point].
-    """
-
-    points: np.ndarray
-    is_part: np.ndarray
+    points: np.ndarray  # in the robot's base frame [m], shape [point 3]
+    is_part: np.ndarray  # which lie on the part, as a segmentation mask tells, shape [point]
 
 
 def capture(
@@ -241,19 +236,12 @@ PROTRUDING = 0.5
 
 @dataclass(frozen=True)
 class PartPoints:
-    """Points of a part, ready for a network.
+    """Points of a part, ready for a network."""
 
-    Attributes:
-        center: mean of the part's points, in the robot's base frame [m], shape [3], float32.
-        points: relative to it [m], shape [point 3], float16: 0.2 mm where it is coarsest.
-        is_part: shape [point].
-        height: above the front's plane, towards the robot positive [m], shape [point], float16.
-    """
-
-    center: np.ndarray
-    points: np.ndarray
-    is_part: np.ndarray
-    height: np.ndarray
+    center: np.ndarray  # mean of the part's points, in the robot's base frame [m], shape [3], float32
+    points: np.ndarray  # relative to it [m], shape [point 3], float16: 0.2 mm where it is coarsest
+    is_part: np.ndarray  # shape [point]
+    height: np.ndarray  # above the front's plane, towards the robot positive [m], shape [point], float16
 
 
 def sample(frame: PartCloud, count: int, random: np.random.Generator) -> PartPoints:

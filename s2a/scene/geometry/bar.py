@@ -42,19 +42,12 @@ MIN_POINTS = 40
 
 @dataclass(frozen=True)
 class Profile:
-    """A bar's section in slices along x, in a frame whose z axis looks into the furniture.
+    """A bar's section in slices along x, in a frame whose z axis looks into the furniture."""
 
-    Attributes:
-        edges: where slices begin and end along x [m], shape [slice + 1].
-        low: lower end of the bar across its length [m], shape [slice].
-        high: upper end [m], shape [slice].
-        face: its outermost z [m], shape [slice].
-    """
-
-    edges: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    face: np.ndarray
+    edges: np.ndarray  # where slices begin and end along x [m], shape [slice + 1]
+    low: np.ndarray  # lower end of the bar across its length [m], shape [slice]
+    high: np.ndarray  # upper end [m], shape [slice]
+    face: np.ndarray  # its outermost z [m], shape [slice]
 
     @property
     def thickness(self) -> float:

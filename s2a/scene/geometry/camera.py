@@ -39,15 +39,10 @@ class OrbitCamera:
 
 @dataclass(frozen=True)
 class CameraPose:
-    """Position and aim of a camera; +z is up in the image.
+    """Position and aim of a camera; +z is up in the image."""
 
-    Attributes:
-        eye: camera position in scene coordinates [m].
-        target: point at the centre of the image [m].
-    """
-
-    eye: Vec3
-    target: Vec3
+    eye: Vec3  # camera position in scene coordinates [m]
+    target: Vec3  # point at the centre of the image [m]
 
 
 def framing_pose(points: np.ndarray, front: np.ndarray, camera: OrbitCamera) -> CameraPose:

@@ -28,23 +28,15 @@ _EDGE = 0.03  # relative step between neighbouring pixels from which on depth is
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """One posed frame in memory.
+    """One posed frame in memory."""
 
-    Attributes:
-        depth: along the optical axis [m], 0 where there is none, shape [row column], float32.
-        color: RGB, shape [row column 3], uint8, or None.
-        pose: camera to world, x right, y down, z forward, shape [4 4].
-        camera: focal lengths and centre of the depth image [pixel]: fx, fy, cx, cy.
-        color_camera: those of the colour image.
-        color_from_depth: transform from the depth camera's coordinates to the colour camera's, shape [4 4]; None where one
-            camera saw both.
-    """
-
-    depth: np.ndarray
-    color: np.ndarray | None
-    pose: np.ndarray
-    camera: tuple[float, float, float, float]
-    color_camera: tuple[float, float, float, float]
+    depth: np.ndarray  # along the optical axis [m], 0 where there is none, shape [row column], float32
+    color: np.ndarray | None  # RGB, shape [row column 3], uint8, or None
+    pose: np.ndarray  # camera to world, x right, y down, z forward, shape [4 4]
+    camera: tuple[float, float, float, float]  # focal lengths and centre of the depth image [pixel]: fx, fy, cx, cy
+    color_camera: tuple[float, float, float, float]  # those of the colour image
+    # transform from the depth camera's coordinates to the colour camera's, shape [4 4]; None where one camera saw
+    # both
     color_from_depth: np.ndarray | None = None
 
 

@@ -164,19 +164,12 @@ AHEAD = 0.02
 
 @dataclass(frozen=True)
 class Pocket:
-    """A rectangular pocket.
+    """A rectangular pocket."""
 
-    Attributes:
-        frame: axes as columns [3 3], square on the front: x and y along its sides, z into it.
-        center: of its opening, on the front's plane [m], shape [3].
-        size: of its opening along x and y [m], shape [2].
-        depth: of its floor behind the front's plane [m].
-    """
-
-    frame: np.ndarray
-    center: np.ndarray
-    size: np.ndarray
-    depth: float
+    frame: np.ndarray  # axes as columns [3 3], square on the front: x and y along its sides, z into it
+    center: np.ndarray  # of its opening, on the front's plane [m], shape [3]
+    size: np.ndarray  # of its opening along x and y [m], shape [2]
+    depth: float  # of its floor behind the front's plane [m]
 
     def space(self, wall: float = 0.0, floor: float = 0.0) -> Mesh:
         """Return the space within it and before it as a piece, wider by a wall [m] and deeper by a floor [m]."""
@@ -236,15 +229,11 @@ GAP_SAMPLES = 20000
 
 @dataclass(frozen=True)
 class FingerSpace:
-    """Where the fingers are while they hold a handle: boxes in the scene, none if the handle lies flat on the front.
+    """Where the fingers are while they hold a handle: boxes in the scene, none if the handle lies flat on the front."""
 
-    Attributes:
-        behind: the space between bar and front; None if the region reaches the front there (a knob, a webbed bar).
-        beside: the two spaces across the bar, from its outer face to the front.
-    """
-
+    # the space between bar and front; None if the region reaches the front there (a knob, a webbed bar)
     behind: Mesh | None
-    beside: tuple[Mesh, ...]
+    beside: tuple[Mesh, ...]  # the two spaces across the bar, from its outer face to the front
 
     @property
     def boxes(self) -> tuple[Mesh, ...]:

@@ -16,15 +16,10 @@ GREY = 180
 
 @dataclass(frozen=True, eq=False)
 class TriangleSurface:
-    """A surface of triangles, and what follows for each of them.
+    """A surface of triangles, and what follows for each of them."""
 
-    Attributes:
-        vertices: [m], shape [vertex 3], float64.
-        faces: vertex indices, shape [face 3].
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
+    vertices: np.ndarray  # [m], shape [vertex 3], float64
+    faces: np.ndarray  # vertex indices, shape [face 3]
 
     @cached_property
     def _crosses(self) -> np.ndarray:

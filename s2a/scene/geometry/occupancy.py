@@ -17,25 +17,15 @@ NOTHING = 1.0e6
 
 @dataclass(frozen=True)
 class Grid:
-    """A grid on a plane, with layers above it.
+    """A grid on a plane, with layers above it."""
 
-    Attributes:
-        axes: rotation whose columns are the directions of rows, columns and layers, shape [3 3].
-        origin: corner of cell (0, 0) on the plane [m], shape [3].
-        cell: width of a cell [m].
-        shape: number of rows and columns.
-        bottom: lower border of the lowest layer above the plane [m].
-        top: upper border of the highest layer [m].
-        layers: number of layers.
-    """
-
-    axes: np.ndarray
-    origin: np.ndarray
-    cell: float
-    shape: tuple[int, int]
-    bottom: float
-    top: float
-    layers: int
+    axes: np.ndarray  # rotation whose columns are the directions of rows, columns and layers, shape [3 3]
+    origin: np.ndarray  # corner of cell (0, 0) on the plane [m], shape [3]
+    cell: float  # width of a cell [m]
+    shape: tuple[int, int]  # number of rows and columns
+    bottom: float  # lower border of the lowest layer above the plane [m]
+    top: float  # upper border of the highest layer [m]
+    layers: int  # number of layers
 
 
 @wp.struct

@@ -19,17 +19,11 @@ TILT = 0.8
 
 @dataclass(frozen=True)
 class Plane:
-    """A planar patch of a surface.
+    """A planar patch of a surface."""
 
-    Attributes:
-        normal: unit, out of the solid, shape [3].
-        offset: normal.x on the plane [m].
-        faces: indices of its faces.
-    """
-
-    normal: np.ndarray
-    offset: float
-    faces: np.ndarray
+    normal: np.ndarray  # unit, out of the solid, shape [3]
+    offset: float  # normal.x on the plane [m]
+    faces: np.ndarray  # indices of its faces
 
 
 def find_planes(mesh: Mesh, tolerance: float, min_area: float, count: int, seed: int = 0) -> list[Plane]:

@@ -164,28 +164,19 @@ class RegionConfig:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """A bounded planar patch of a target that supports objects.
+    """A bounded planar patch of a target that supports objects."""
 
-    Attributes:
-        kind: "horizontal", "vertical", or "inside": below another surface of the target (a shelf's compartment).
-        axes: rotation whose columns are the directions of the grid's rows and columns and the normal, shape [3 3].
-        origin: corner of cell (0, 0) on the plane [m], shape [3].
-        cell: width of a cell [m].
-        support: cells of the region, shape [row column].
-        clearances: clearance along the normal over each cell [m], 0 where occupied, at most the search height,
-            shape [row column].
-        rim_fraction: fraction of the border at which the target rises: about 1 in a basin or a tray, 0 on a table.
-        min_clearance: clearance from which a cell is free [m].
-    """
-
-    kind: Kind
+    kind: Kind  # "horizontal", "vertical", or "inside": below another surface of the target (a shelf's compartment)
+    # rotation whose columns are the directions of the grid's rows and columns and the normal, shape [3 3]
     axes: np.ndarray
-    origin: np.ndarray
-    cell: float
-    support: np.ndarray
+    origin: np.ndarray  # corner of cell (0, 0) on the plane [m], shape [3]
+    cell: float  # width of a cell [m]
+    support: np.ndarray  # cells of the region, shape [row column]
+    # clearance along the normal over each cell [m], 0 where occupied, at most the search height, shape [row
+    # column]
     clearances: np.ndarray
-    rim_fraction: float
-    min_clearance: float
+    rim_fraction: float  # fraction of the border at which the target rises: about 1 in a basin or a tray, 0 on a table
+    min_clearance: float  # clearance from which a cell is free [m]
 
     @property
     def normal(self) -> np.ndarray:

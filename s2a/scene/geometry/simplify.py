@@ -22,17 +22,11 @@ from s2a.scene.usd.sim_scene import Reduction
 
 @dataclass(frozen=True)
 class Deviation:
-    """Distances between two surfaces [m], each the larger one of both directions.
+    """Distances between two surfaces [m], each the larger one of both directions."""
 
-    Attributes:
-        mean: of all sampled points.
-        p99: 99th percentile.
-        max: maximum.
-    """
-
-    mean: float
-    p99: float
-    max: float
+    mean: float  # of all sampled points
+    p99: float  # 99th percentile
+    max: float  # maximum
 
 
 def deviation(a: Mesh, b: Mesh, count: int, seed: int = 0, tree: RayMesh | None = None) -> Deviation:
@@ -91,19 +85,12 @@ class DecimateConfig:
 
 @dataclass(frozen=True, eq=False)
 class Decimated:
-    """The room with fewer faces.
+    """The room with fewer faces."""
 
-    Attributes:
-        mesh: all parts in one.
-        parts: their ids.
-        face_part: index into `parts` of the part that each face belongs to, shape [face], int32.
-        reductions: what happened to walls, floor and ceiling, and to the rest.
-    """
-
-    mesh: Mesh
-    parts: tuple[str, ...]
-    face_part: np.ndarray
-    reductions: tuple[Reduction, ...]
+    mesh: Mesh  # all parts in one
+    parts: tuple[str, ...]  # their ids
+    face_part: np.ndarray  # index into `parts` of the part that each face belongs to, shape [face], int32
+    reductions: tuple[Reduction, ...]  # what happened to walls, floor and ceiling, and to the rest
 
 
 def is_structure(label: str, structure_labels: tuple[str, ...]) -> bool:

@@ -24,23 +24,14 @@ UNKNOWN = 1.0e9
 
 @dataclass
 class Field:
-    """A sparse field in blocks of 4 x 4 x 4 voxels.
+    """A sparse field in blocks of 4 x 4 x 4 voxels."""
 
-    Attributes:
-        voxel: edge of a voxel [m].
-        origin: centre of voxel (0, 0, 0) [m].
-        table: row of each block in `blocks`, or -1, shape [block_x block_y block_z].
-        blocks: coordinates of the stored blocks, shape [block 3].
-        distance: weighted sum of distances, later their mean [m], shape [block * 64]; positive is free.
-        weight: sum of weights, shape [block * 64].
-    """
-
-    voxel: float
-    origin: wp.vec3
-    table: wp.array
-    blocks: wp.array
-    distance: wp.array
-    weight: wp.array
+    voxel: float  # edge of a voxel [m]
+    origin: wp.vec3  # centre of voxel (0, 0, 0) [m]
+    table: wp.array  # row of each block in `blocks`, or -1, shape [block_x block_y block_z]
+    blocks: wp.array  # coordinates of the stored blocks, shape [block 3]
+    distance: wp.array  # weighted sum of distances, later their mean [m], shape [block * 64]; positive is free
+    weight: wp.array  # sum of weights, shape [block * 64]
 
 
 @wp.func
@@ -83,18 +74,12 @@ def voxel_value(table: wp.array3d(dtype=int), values: wp.array(dtype=float), i: 
 
 @dataclass(frozen=True)
 class Net:
-    """A fused surface before it is thinned out.
+    """A fused surface before it is thinned out."""
 
-    Attributes:
-        points: [m], shape [vertex 3], float32.
-        normals: unit vectors towards free space, shape [vertex 3], float32.
-        faces: vertex indices, counter-clockwise seen from free space, shape [face 3], int32.
-        cells: storage index of each vertex's cell, ascending, shape [vertex]; cell // 64 is its block of 4 x 4 x 4.
-    """
-
-    points: np.ndarray
-    normals: np.ndarray
-    faces: np.ndarray
+    points: np.ndarray  # [m], shape [vertex 3], float32
+    normals: np.ndarray  # unit vectors towards free space, shape [vertex 3], float32
+    faces: np.ndarray  # vertex indices, counter-clockwise seen from free space, shape [face 3], int32
+    # storage index of each vertex's cell, ascending, shape [vertex]; cell // 64 is its block of 4 x 4 x 4
     cells: np.ndarray
 
 

@@ -74,17 +74,11 @@ WORTH_TURNING = 0.98
 
 @dataclass(frozen=True)
 class Box:
-    """A box that stands upright.
+    """A box that stands upright."""
 
-    Attributes:
-        center: [m], scene coordinates.
-        size: length of its sides [m]; the third is vertical.
-        yaw: rotation of its first side about z from the scene's x axis [rad], in -pi/4 to pi/4.
-    """
-
-    center: Vec3
-    size: Vec3
-    yaw: float
+    center: Vec3  # [m], scene coordinates
+    size: Vec3  # length of its sides [m]; the third is vertical
+    yaw: float  # rotation of its first side about z from the scene's x axis [rad], in -pi/4 to pi/4
 
 
 def upright_box(points: np.ndarray) -> Box:
@@ -145,31 +139,18 @@ Types = Sdf.ValueTypeNames
 
 @dataclass(frozen=True)
 class DescribedPart:
-    """What the description says of a part.
+    """What the description says of a part."""
 
-    Attributes:
-        label: the annotator's name for it.
-        parent: id of the part that it belongs to; None for an object.
-        motion: "prismatic", "revolute", "free" or "fixed".
-        graspable: a gripper holds the moving part here.
-        center: of its upright box [m], scene coordinates; None where nothing was scanned of it.
-        size: of that box [m]; the third is vertical.
-        yaw: how far its first side is turned from the x axis about z [rad].
-        joint: how it moves, rounded as it is described; None for what is fixed or free.
-        against: id of the body that it moves against, or "world"; None for what has no joint.
-        mass: [kg] if annotated, else None.
-    """
-
-    label: str
-    parent: str | None
-    motion: str
-    graspable: bool
-    center: Vec3 | None
-    size: Vec3 | None
-    yaw: float = 0.0
-    joint: Joint | None = None
-    against: str | None = None
-    mass: float | None = None
+    label: str  # the annotator's name for it
+    parent: str | None  # id of the part that it belongs to; None for an object
+    motion: str  # "prismatic", "revolute", "free" or "fixed"
+    graspable: bool  # a gripper holds the moving part here
+    center: Vec3 | None  # of its upright box [m], scene coordinates; None where nothing was scanned of it
+    size: Vec3 | None  # of that box [m]; the third is vertical
+    yaw: float = 0.0  # how far its first side is turned from the x axis about z [rad]
+    joint: Joint | None = None  # how it moves, rounded as it is described; None for what is fixed or free
+    against: str | None = None  # id of the body that it moves against, or "world"; None for what has no joint
+    mass: float | None = None  # [kg] if annotated, else None
 
 
 def write(scene: Scene, path: Path) -> None:

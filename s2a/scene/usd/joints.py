@@ -30,25 +30,16 @@ NUMBERS = {
 
 @dataclass(frozen=True)
 class Refinement:
-    """How far a joint was moved from its annotation by what the scan shows.
+    """How far a joint was moved from its annotation by what the scan shows."""
 
-    Attributes:
-        annotated: the joint as it was annotated.
-        angle: by which its axis was turned [rad].
-        shift: by which its line was moved, at the annotated origin [m]; 0 for a slide, which has no place.
-        zero: the coordinate at which the part is closed, where it was scanned ajar [m] or [rad]; 0: as it was annotated.
-        angle_sigma: standard deviation of the axis, of the worse of its two directions [rad].
-        shift_sigma: the same of the line [m]; 0 for a slide.
-        unknown: what the scan does not tell, in words: there the annotation stays.
-    """
-
-    annotated: Joint
-    angle: float
-    shift: float
+    annotated: Joint  # the joint as it was annotated
+    angle: float  # by which its axis was turned [rad]
+    shift: float  # by which its line was moved, at the annotated origin [m]; 0 for a slide, which has no place
+    # the coordinate at which the part is closed, where it was scanned ajar [m] or [rad]; 0: as it was annotated
     zero: float
-    angle_sigma: float
-    shift_sigma: float
-    unknown: tuple[str, ...] = ()
+    angle_sigma: float  # standard deviation of the axis, of the worse of its two directions [rad]
+    shift_sigma: float  # the same of the line [m]; 0 for a slide
+    unknown: tuple[str, ...] = ()  # what the scan does not tell, in words: there the annotation stays
 
 
 def write_refinement(prim: Usd.Prim, refinement: Refinement) -> None:
@@ -78,34 +69,22 @@ SOFT_CLOSE = ("force", "damping", "reach")
 
 @dataclass(frozen=True)
 class SoftClose:
-    """A mechanism that draws a part in before it is shut, and damps it there as it closes; per unit of its coordinate.
+    """A mechanism that draws a part in before it is shut, and damps it there as it closes; per unit of its coordinate."""
 
-    Attributes:
-        force: that draws it in [N] or [N m].
-        damping: while it closes [N s/m] or [N m s/rad].
-        reach: the coordinate from which on it acts, as a distance from zero [m] or [rad].
-    """
-
-    force: float
-    damping: float
-    reach: float
+    force: float  # that draws it in [N] or [N m]
+    damping: float  # while it closes [N s/m] or [N m s/rad]
+    reach: float  # the coordinate from which on it acts, as a distance from zero [m] or [rad]
 
 
 @dataclass(frozen=True)
 class Resistance:
-    """What was identified of a joint beside its dry friction in motion, per unit of its coordinate.
+    """What was identified of a joint beside its dry friction in motion, per unit of its coordinate."""
 
-    Attributes:
-        damping: [N s/m] or [N m s/rad]; None: what the simulation's settings say, as with `stiffness`.
-        stiffness: of the spring that draws the part to its scanned pose [N/m] or [N m/rad].
-        breakaway: how much more dry friction holds it at rest [N] or [N m].
-        soft_close: None: it has none.
-    """
-
+    # [N s/m] or [N m s/rad]; None: what the simulation's settings say, as with `stiffness`
     damping: float | None = None
-    stiffness: float | None = None
-    breakaway: float = 0.0
-    soft_close: SoftClose | None = None
+    stiffness: float | None = None  # of the spring that draws the part to its scanned pose [N/m] or [N m/rad]
+    breakaway: float = 0.0  # how much more dry friction holds it at rest [N] or [N m]
+    soft_close: SoftClose | None = None  # None: it has none
 
 
 def write_resistance(joint: Usd.Prim, resistance: Resistance) -> None:

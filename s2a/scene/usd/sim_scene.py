@@ -20,36 +20,22 @@ PREPARE_AGAIN = "run s2a prepare again"
 
 @dataclass(frozen=True)
 class Collider:
-    """One convex hull.
+    """One convex hull."""
 
-    Attributes:
-        part: id of the part it stands for.
-        mesh: a closed convex mesh in the frame of its body: scene coordinates, but for free objects.
-        structure: It is of a wall, the floor or the ceiling.
-    """
-
-    part: str
-    mesh: Mesh
-    structure: bool = False
+    part: str  # id of the part it stands for
+    mesh: Mesh  # a closed convex mesh in the frame of its body: scene coordinates, but for free objects
+    structure: bool = False  # It is of a wall, the floor or the ceiling
 
 
 @dataclass(frozen=True)
 class Mass:
-    """Mass properties of a body, rounded to float32, the precision of UsdPhysics.
+    """Mass properties of a body, rounded to float32, the precision of UsdPhysics."""
 
-    Attributes:
-        mass: [kg].
-        center: centre of mass in the body's frame [m].
-        inertia: principal moments about the centre [kg m^2].
-        axes: orientation of the principal axes in the body's frame, quaternion xyzw.
-        source: where the mass comes from, such as "annotated".
-    """
-
-    mass: float
-    center: Vec3
-    inertia: Vec3
-    axes: Quat = (0.0, 0.0, 0.0, 1.0)
-    source: str = ""
+    mass: float  # [kg]
+    center: Vec3  # centre of mass in the body's frame [m]
+    inertia: Vec3  # principal moments about the centre [kg m^2]
+    axes: Quat = (0.0, 0.0, 0.0, 1.0)  # orientation of the principal axes in the body's frame, quaternion xyzw
+    source: str = ""  # where the mass comes from, such as "annotated"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", single(self.mass))
@@ -59,98 +45,65 @@ class Mass:
 
 @dataclass(frozen=True)
 class SimBody:
-    """A rigid body.
+    """A rigid body."""
 
-    Attributes:
-        id: id of the part that gives it its name.
-        visual: everything that moves with it, at full resolution, in its own frame; may be empty.
-        colliders: its convex hulls, in its own frame.
-        mass: mass, centre, inertia.
-        completed: number of faces at the end of the visual that were added, because the scan could not show them.
-        position: origin of its frame in the scene [m]: the scene's origin for what hangs on a joint, the centre of mass for
-            a free object. (Far from its centre of mass, a body's rotation and translation are coupled so strongly that an
-            object of 50 g diverges.)
-        orientation: of that frame, quaternion xyzw.
-    """
-
-    id: str
-    visual: Mesh
-    colliders: tuple[Collider, ...]
-    mass: Mass
-    completed: int = 0
+    id: str  # id of the part that gives it its name
+    visual: Mesh  # everything that moves with it, at full resolution, in its own frame; may be empty
+    colliders: tuple[Collider, ...]  # its convex hulls, in its own frame
+    mass: Mass  # mass, centre, inertia
+    completed: int = 0  # number of faces at the end of the visual that were added, because the scan could not show them
+    # origin of its frame in the scene [m]: the scene's origin for what hangs on a joint, the centre of mass for a
+    # free object. (Far from its centre of mass, a body's rotation and translation are coupled so strongly that an
+    # object of 50 g diverges.)
     position: Vec3 = (0.0, 0.0, 0.0)
-    orientation: Quat = (0.0, 0.0, 0.0, 1.0)
+    orientation: Quat = (0.0, 0.0, 0.0, 1.0)  # of that frame, quaternion xyzw
 
 
 @dataclass(frozen=True)
 class Grasp:
-    """Where and how a parallel gripper grasps an articulated part.
+    """Where and how a parallel gripper grasps an articulated part."""
 
-    Attributes:
-        point: mean of the grasp region [m], scene coordinates, the part at zero.
-        orientation: quaternion xyzw of the grasp frame: z into the furniture, y across the region's thin section
-            (fingers close along it), x along the region.
-        size: extent of the region along x, y, z of that frame [m].
-        region: the annotated surface, as scanned.
-        internal: the fingers go in closed and hold the region from within, by opening: a recessed pull. Then the point is where
-            the tool frame is while the fingertips are just before the pocket's floor, and size is that of the pocket.
-    """
-
-    point: Vec3
+    point: Vec3  # mean of the grasp region [m], scene coordinates, the part at zero
+    # quaternion xyzw of the grasp frame: z into the furniture, y across the region's thin section (fingers close
+    # along it), x along the region
     orientation: Quat
-    size: Vec3
-    region: Mesh
+    size: Vec3  # extent of the region along x, y, z of that frame [m]
+    region: Mesh  # the annotated surface, as scanned
+    # the fingers go in closed and hold the region from within, by opening: a recessed pull. Then the point is
+    # where the tool frame is while the fingertips are just before the pocket's floor, and size is that of the
+    # pocket
     internal: bool = False
 
 
 @dataclass(frozen=True)
 class Base:
-    """Where a robot stands to reach a part.
+    """Where a robot stands to reach a part."""
 
-    Attributes:
-        position: of its base [m], scene coordinates.
-        orientation: quaternion xyzw; its x axis points at the furniture.
-        reason: why there, in words.
-        free: The arm reaches along the whole path and collides with nothing.
-        pedestal: height of the column under it [m]; 0 on the floor.
-        radius: of that column [m].
-        assumed_floor: The floor below it was not scanned: the scan has a hole there, amid floor at the same height.
-    """
-
-    position: Vec3
-    orientation: Quat
-    reason: str = ""
-    free: bool = True
-    pedestal: float = 0.0
-    radius: float = 0.12
+    position: Vec3  # of its base [m], scene coordinates
+    orientation: Quat  # quaternion xyzw; its x axis points at the furniture
+    reason: str = ""  # why there, in words
+    free: bool = True  # The arm reaches along the whole path and collides with nothing
+    pedestal: float = 0.0  # height of the column under it [m]; 0 on the floor
+    radius: float = 0.12  # of that column [m]
+    # The floor below it was not scanned: the scan has a hole there, amid floor at the same height
     assumed_floor: bool = False
 
 
 @dataclass(frozen=True)
 class Articulation:
-    """How one body moves against another, and how a robot takes hold of it.
+    """How one body moves against another, and how a robot takes hold of it."""
 
-    Attributes:
-        joint: axis, origin, limits in scene coordinates.
-        parent: id of the body that it moves against.
-        grasp: where to grasp it.
-        bases: where a robot stands, by the robot's name.
-        friction: dry friction of the joint [N] or [N m], rounded to float32.
-        filtered: ids of the bodies with which it does not collide, because their colliders overlap somewhere on its path.
-        notes: what was changed beyond what was scanned, in sentences.
-        resistance: what else resists, if it was identified; None: what the simulation's settings say.
-        refinement: how far the joint is from its annotation; None: it is as annotated.
-    """
-
-    joint: Joint
-    parent: str
-    grasp: Grasp
-    bases: dict[str, Base]
-    friction: float = 0.0
+    joint: Joint  # axis, origin, limits in scene coordinates
+    parent: str  # id of the body that it moves against
+    grasp: Grasp  # where to grasp it
+    bases: dict[str, Base]  # where a robot stands, by the robot's name
+    friction: float = 0.0  # dry friction of the joint [N] or [N m], rounded to float32
+    # ids of the bodies with which it does not collide, because their colliders overlap somewhere on its path
     filtered: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was changed beyond what was scanned, in sentences
+    # what else resists, if it was identified; None: what the simulation's settings say
     resistance: Resistance | None = None
-    refinement: Refinement | None = None
+    refinement: Refinement | None = None  # how far the joint is from its annotation; None: it is as annotated
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "friction", single(self.friction))
@@ -158,25 +111,15 @@ class Articulation:
 
 @dataclass(frozen=True)
 class Reduction:
-    """What decimation did to a group of surfaces.
+    """What decimation did to a group of surfaces."""
 
-    Attributes:
-        group: "structure" (walls, floor, ceiling) or "other".
-        before: faces that it had.
-        after: faces that it has.
-        asked: faces that it should have.
-        mean: mean distance of the surfaces before and after [m], the larger one of both directions.
-        p99: what 99 % of the points stay below [m], likewise.
-        max: largest distance found [m], likewise.
-    """
-
-    group: str
-    before: int
-    after: int
-    asked: int
-    mean: float
-    p99: float
-    max: float
+    group: str  # "structure" (walls, floor, ceiling) or "other"
+    before: int  # faces that it had
+    after: int  # faces that it has
+    asked: int  # faces that it should have
+    mean: float  # mean distance of the surfaces before and after [m], the larger one of both directions
+    p99: float  # what 99 % of the points stay below [m], likewise
+    max: float  # largest distance found [m], likewise
 
     @property
     def reached(self) -> bool:
@@ -186,31 +129,20 @@ class Reduction:
 
 @dataclass(frozen=True)
 class SimRoom:
-    """Everything that a simulation-ready file holds.
+    """Everything that a simulation-ready file holds."""
 
-    Attributes:
-        name: the scan's name.
-        bodies: fixed bodies (cabinets and anchors) and articulated parts by id, parents before children.
-        articulations: how the articulated ones of these move, by the same id.
-        free: objects that lie about freely, by id.
-        static_visual: the rest of the room as one decimated mesh.
-        static_colliders: its convex hulls.
-        notes: what was changed beyond what was scanned, in sentences.
-        static_parts: ids of the room's parts, to which `static_face_part` points.
-        static_face_part: index of the part that each face of `static_visual` belongs to, shape [face], int32.
-        reductions: what decimation did to the static visual.
-    """
-
-    name: str
+    name: str  # the scan's name
+    # fixed bodies (cabinets and anchors) and articulated parts by id, parents before children
     bodies: dict[str, SimBody]
-    articulations: dict[str, Articulation]
-    static_visual: Mesh
-    static_colliders: tuple[Collider, ...]
-    free: dict[str, SimBody] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    static_parts: tuple[str, ...] = ()
+    articulations: dict[str, Articulation]  # how the articulated ones of these move, by the same id
+    static_visual: Mesh  # the rest of the room as one decimated mesh
+    static_colliders: tuple[Collider, ...]  # its convex hulls
+    free: dict[str, SimBody] = field(default_factory=dict)  # objects that lie about freely, by id
+    notes: tuple[str, ...] = ()  # what was changed beyond what was scanned, in sentences
+    static_parts: tuple[str, ...] = ()  # ids of the room's parts, to which `static_face_part` points
+    # index of the part that each face of `static_visual` belongs to, shape [face], int32
     static_face_part: np.ndarray | None = field(default=None, compare=False)
-    reductions: tuple[Reduction, ...] = ()
+    reductions: tuple[Reduction, ...] = ()  # what decimation did to the static visual
 
     @cached_property
     def fixed(self) -> tuple[str, ...]:

@@ -36,17 +36,11 @@ KEY = "s2a:validation"
 
 @dataclass(frozen=True)
 class Stamp:
-    """What a validation found.
+    """What a validation found."""
 
-    Attributes:
-        sha256: `content_hash` of what was validated.
-        parts: by the id of each articulated part: no check failed.
-        valid: the stage is still what was validated.
-    """
-
-    sha256: str
-    parts: dict[str, bool]
-    valid: bool
+    sha256: str  # `content_hash` of what was validated
+    parts: dict[str, bool]  # by the id of each articulated part: no check failed
+    valid: bool  # the stage is still what was validated
 
 
 def content_hash(path: Path) -> str:

@@ -22,29 +22,17 @@ SIDEWAYS = np.array([0.0, 0.3, 1.0])
 
 @dataclass(frozen=True)
 class Description:
-    """A part at its scanned pose, in the robot's base frame.
+    """A part at its scanned pose, in the robot's base frame."""
 
-    Attributes:
-        point: the grasp point [m], shape [3].
-        across: the grasp frame's y, along which the fingers close, shape [3].
-        inwards: its z, into the furniture, shape [3].
-        axis: of the joint, positive opens, shape [3].
-        along: the direction in which the grasp point moves first when the part opens, shape [3].
-        size: extents of the grasp region along the grasp frame's axes [m], shape [3].
-        slides: 1 for a slide, 0 for a hinge; of an estimate anything between.
-        lever_arm: of a hinge [m], 0 for a slide.
-        travel: path of the grasp point to the open limit [m].
-    """
-
-    point: np.ndarray
-    across: np.ndarray
-    inwards: np.ndarray
-    axis: np.ndarray
-    along: np.ndarray
-    size: np.ndarray
-    slides: float
-    lever_arm: float
-    travel: float
+    point: np.ndarray  # the grasp point [m], shape [3]
+    across: np.ndarray  # the grasp frame's y, along which the fingers close, shape [3]
+    inwards: np.ndarray  # its z, into the furniture, shape [3]
+    axis: np.ndarray  # of the joint, positive opens, shape [3]
+    along: np.ndarray  # the direction in which the grasp point moves first when the part opens, shape [3]
+    size: np.ndarray  # extents of the grasp region along the grasp frame's axes [m], shape [3]
+    slides: float  # 1 for a slide, 0 for a hinge; of an estimate anything between
+    lever_arm: float  # of a hinge [m], 0 for a slide
+    travel: float  # path of the grasp point to the open limit [m]
 
     def vector(self) -> np.ndarray:
         """Return the numbers in the order of the attributes, shape [NUMBERS], float32."""

@@ -37,34 +37,21 @@ STILL = "room"
 
 @dataclass(frozen=True)
 class Node:
-    """A mesh of a layer.
+    """A mesh of a layer."""
 
-    Attributes:
-        layer: one of LAYERS.
-        name: of the node within its layer.
-        mover: id of the jointed part that it moves with, or None.
-        mesh: in scene coordinates, at the scanned pose; it has a face at least.
-    """
-
-    layer: str
-    name: str
-    mover: str | None
-    mesh: Mesh
+    layer: str  # one of LAYERS
+    name: str  # of the node within its layer
+    mover: str | None  # id of the jointed part that it moves with, or None
+    mesh: Mesh  # in scene coordinates, at the scanned pose; it has a face at least
 
 
 @dataclass(frozen=True)
 class Arrow:
-    """The axis of a joint.
+    """The axis of a joint."""
 
-    Attributes:
-        name: id of the part that it moves.
-        mover: id of the jointed part that carries it, or None.
-        ends: foot and tip [m], scene coordinates, shape [2 3], with the joint's carrier at its scanned pose.
-    """
-
-    name: str
-    mover: str | None
-    ends: np.ndarray
+    name: str  # id of the part that it moves
+    mover: str | None  # id of the jointed part that carries it, or None
+    ends: np.ndarray  # foot and tip [m], scene coordinates, shape [2 3], with the joint's carrier at its scanned pose
 
 
 def surfaces(room: PageRoom) -> Iterator[Node]:

@@ -34,87 +34,53 @@ def hue(number: int) -> tuple[int, int, int]:
 
 @dataclass(frozen=True)
 class PagePart:
-    """One row of the page's tree.
+    """One row of the page's tree."""
 
-    Attributes:
-        label: the annotator's name for it.
-        surface: its mesh in scene coordinates, at the scanned pose; may be empty.
-        parent: id of the part that it belongs to, or None.
-        mover: id of the jointed part that it moves with, itself included; None for what stands still.
-        motion: "fixed", "free" or its Joint.
-        mass: [kg], or None where nothing says it.
-    """
-
-    label: str
-    surface: Mesh
-    parent: str | None = None
-    mover: str | None = None
-    motion: Motion = "fixed"
-    mass: float | None = None
+    label: str  # the annotator's name for it
+    surface: Mesh  # its mesh in scene coordinates, at the scanned pose; may be empty
+    parent: str | None = None  # id of the part that it belongs to, or None
+    mover: str | None = None  # id of the jointed part that it moves with, itself included; None for what stands still
+    motion: Motion = "fixed"  # "fixed", "free" or its Joint
+    mass: float | None = None  # [kg], or None where nothing says it
 
 
 @dataclass(frozen=True)
 class Extra:
-    """What a layer other than the surfaces shows of a part.
+    """What a layer other than the surfaces shows of a part."""
 
-    Attributes:
-        part: id of the part.
-        mover: id of the jointed part that it moves with, or None.
-        mesh: in scene coordinates, at the scanned pose.
-        structure: It is of a wall, the floor or the ceiling.
-    """
-
-    part: str
-    mover: str | None
-    mesh: Mesh
-    structure: bool = False
+    part: str  # id of the part
+    mover: str | None  # id of the jointed part that it moves with, or None
+    mesh: Mesh  # in scene coordinates, at the scanned pose
+    structure: bool = False  # It is of a wall, the floor or the ceiling
 
 
 @dataclass(frozen=True)
 class RobotStand:
-    """Where a robot stands to open a part.
+    """Where a robot stands to open a part."""
 
-    Attributes:
-        part: id of the part.
-        position: of its base [m], scene coordinates, shape [3].
-        shoulder: of the axis about which the arm lifts first [m], scene coordinates, shape [3].
-        reach: of the stretched arm, from the shoulder to the gripper body [m].
-        radius: of the column that base and shoulder fill [m].
-        free: The arm reaches along the part's whole path, and collides with nothing.
-    """
-
-    part: str
-    position: np.ndarray
-    shoulder: np.ndarray
-    reach: float
-    radius: float
-    free: bool
+    part: str  # id of the part
+    position: np.ndarray  # of its base [m], scene coordinates, shape [3]
+    shoulder: np.ndarray  # of the axis about which the arm lifts first [m], scene coordinates, shape [3]
+    reach: float  # of the stretched arm, from the shoulder to the gripper body [m]
+    radius: float  # of the column that base and shoulder fill [m]
+    free: bool  # The arm reaches along the part's whole path, and collides with nothing
 
 
 @dataclass(frozen=True)
 class PageRoom:
-    """Everything that a page shows.
+    """Everything that a page shows."""
 
-    Attributes:
-        name: the scan's name.
-        parts: every part by its id, parents before children.
-        carriers: for each jointed part, the id of the jointed part that it hangs on, or None.
-        colliders: convex hulls; none but in a simulation-ready stage.
-        grasps: where a gripper grasps each jointed part.
-        stands: where a robot stands to open the jointed parts; none but in a simulation-ready stage.
-        boxes: The surfaces are the boxes of a description, which are shown translucent.
-        notes: what a validation report or an insertion says of parts, by their ids: names and values.
-        inserted: ids of the objects that an insertion put there, in its order; their notes are its steps.
-    """
-
-    name: str
-    parts: dict[str, PagePart]
-    carriers: dict[str, str | None]
-    colliders: tuple[Extra, ...] = ()
-    grasps: tuple[Extra, ...] = ()
-    boxes: bool = False
+    name: str  # the scan's name
+    parts: dict[str, PagePart]  # every part by its id, parents before children
+    carriers: dict[str, str | None]  # for each jointed part, the id of the jointed part that it hangs on, or None
+    colliders: tuple[Extra, ...] = ()  # convex hulls; none but in a simulation-ready stage
+    grasps: tuple[Extra, ...] = ()  # where a gripper grasps each jointed part
+    boxes: bool = False  # The surfaces are the boxes of a description, which are shown translucent
+    # what a validation report or an insertion says of parts, by their ids: names and values
     notes: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+    # ids of the objects that an insertion put there, in its order; their notes are its steps
     inserted: tuple[str, ...] = ()
+    # where a robot stands to open the jointed parts; none but in a simulation-ready stage
     stands: tuple[RobotStand, ...] = ()
 
     @cached_property
@@ -170,16 +136,12 @@ class PageRoom:
 
 @dataclass
 class Coordinates:
-    """Where the joints of a page stand.
+    """Where the joints of a page stand."""
 
-    Attributes:
-        room: the page's data.
-        q: joint coordinates by part [m] or [rad]; the scanned pose where none is given.
-        moved: displacements [4 4] of free objects that have a mover of their own, by their ids.
-    """
-
-    room: PageRoom
+    room: PageRoom  # the page's data
+    # joint coordinates by part [m] or [rad]; the scanned pose where none is given
     q: dict[str, float] = field(default_factory=dict)
+    # displacements [4 4] of free objects that have a mover of their own, by their ids
     moved: dict[str, np.ndarray] = field(default_factory=dict)
 
     def set(self, part: str, shown: float) -> None:
@@ -200,19 +162,13 @@ def unit(joint: Joint) -> tuple[str, float]:
 
 @dataclass(frozen=True)
 class PlayedWorld:
-    """One world.
+    """One world."""
 
-    Attributes:
-        name: what the page calls it.
-        q: joint coordinates by part [m] or [rad], shape [frame].
-        moved: displacement of each free object by its id: scene pose = displacement @ scanned pose, shape [frame 4 4].
-        links: poses of the robot's links: position [m], quaternion xyzw, scene frame, shape [frame link 7].
-    """
-
-    name: str
-    q: Mapping[str, np.ndarray]
+    name: str  # what the page calls it
+    q: Mapping[str, np.ndarray]  # joint coordinates by part [m] or [rad], shape [frame]
+    # displacement of each free object by its id: scene pose = displacement @ scanned pose, shape [frame 4 4]
     moved: Mapping[str, np.ndarray]
-    links: np.ndarray
+    links: np.ndarray  # poses of the robot's links: position [m], quaternion xyzw, scene frame, shape [frame link 7]
 
     @property
     def frames(self) -> int:
@@ -222,17 +178,11 @@ class PlayedWorld:
 
 @dataclass(frozen=True)
 class Played:
-    """Worlds that are shown side by side.
+    """Worlds that are shown side by side."""
 
-    Attributes:
-        rate: frames a second.
-        links: surfaces of the robot's links, each in its own frame.
-        worlds: all of them are in the same room.
-    """
-
-    rate: float
-    links: tuple[Mesh, ...]
-    worlds: tuple[PlayedWorld, ...]
+    rate: float  # frames a second
+    links: tuple[Mesh, ...]  # surfaces of the robot's links, each in its own frame
+    worlds: tuple[PlayedWorld, ...]  # all of them are in the same room
 
     @property
     def frames(self) -> int:

@@ -47,17 +47,11 @@ MAX_IMAGE = 8_000_000
 
 @dataclass(frozen=True)
 class Document:
-    """A report.
+    """A report."""
 
-    Attributes:
-        title: in plain text.
-        about: what was measured, and with what: one line of plain text.
-        sections: title in plain text and HTML of each.
-    """
-
-    title: str
-    about: str
-    sections: tuple[tuple[str, str], ...]
+    title: str  # in plain text
+    about: str  # what was measured, and with what: one line of plain text
+    sections: tuple[tuple[str, str], ...]  # title in plain text and HTML of each
 
     def html(self) -> str:
         """Return the whole page."""
@@ -175,17 +169,11 @@ COLOURS = ("#57606a", "#d4761c", "#2f6fd0", "#2a8a3c", "#a13fb5", "#b3261e", "#0
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a chart.
+    """A line of a chart."""
 
-    Attributes:
-        name: for the legend; lines of one name have one colour.
-        x: coordinates, rising.
-        y: values; those that are not finite leave a gap.
-    """
-
-    name: str
-    x: Sequence[float]
-    y: Sequence[float]
+    name: str  # for the legend; lines of one name have one colour
+    x: Sequence[float]  # coordinates, rising
+    y: Sequence[float]  # values; those that are not finite leave a gap
 
 
 def lines(title: str, x_title: str, series: Sequence[Line], unit: float = 1.0, top: float | None = None) -> str:

@@ -317,19 +317,12 @@ def _failed(report: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Reported:
-    """A row of the paper's table.
+    """A row of the paper's table."""
 
-    Attributes:
-        asset: what is opened.
-        weights: of distance, rotation, opening and finger.
-        opened: fraction of the episodes, in words.
-        handle: "used" or "not used", by the robot.
-    """
-
-    asset: str
-    weights: tuple[float, float, float, float]
-    opened: str
-    handle: str
+    asset: str  # what is opened
+    weights: tuple[float, float, float, float]  # of distance, rotation, opening and finger
+    opened: str  # fraction of the episodes, in words
+    handle: str  # "used" or "not used", by the robot
 
 
 TERMS = ("distance", "rotation", "opening", "finger")
@@ -366,23 +359,15 @@ NOT_SETTINGS = ("out", "resume", "device", "export", "init", "planner")
 
 @dataclass(frozen=True)
 class Run:
-    """A training.
+    """A training."""
 
-    Attributes:
-        name: by which it is known among others.
-        settings: nested, as `s2a train` keeps them; empty where nobody kept them.
-        curve: columns by name, a value a logged iteration, NaN where none was logged; "env_steps" among them.
-        recent: rates of the last episodes or of an evaluation, with intervals.
-        about: seed, commit, versions, device.
-        seconds: it took [s].
-    """
-
-    name: str
-    settings: Mapping[str, Any]
+    name: str  # by which it is known among others
+    settings: Mapping[str, Any]  # nested, as `s2a train` keeps them; empty where nobody kept them
+    # columns by name, a value a logged iteration, NaN where none was logged; "env_steps" among them
     curve: Mapping[str, Sequence[float]]
-    recent: Mapping[str, Any]
-    about: Mapping[str, Any]
-    seconds: float | None = None
+    recent: Mapping[str, Any]  # rates of the last episodes or of an evaluation, with intervals
+    about: Mapping[str, Any]  # seed, commit, versions, device
+    seconds: float | None = None  # it took [s]
 
     @property
     def millions(self) -> float:

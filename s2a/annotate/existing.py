@@ -69,11 +69,7 @@ class Existing:
 
 
 def read(path: Path, mesh: ScanMesh, surface: SplitSurface) -> Existing:
-    """Read the annotation in the folder of a scan.
-
-    Raises:
-        InputError: there is none by Articulate3D, or a damaged one.
-    """
+    """Read the annotation in the folder of a scan; InputError: there is none by Articulate3D, or a damaged one."""
     if not folder.is_articulate3d(path):
         raise InputError(f"{path}: holds no <scene>_parts.json to edit; leave edit=true out to annotate from the start")
     files = folder.find(path)

@@ -127,11 +127,7 @@ class BareScan:
 
 
 def read(path: Path) -> BareScan:
-    """Read the mesh in the folder of a scan.
-
-    Raises:
-        InputError: no mesh there, several, or a damaged one.
-    """
+    """Read the mesh in the folder of a scan; InputError: no mesh there, several, or a damaged one."""
     files = folder.find_bare(path)
     return BareScan(files, ply.read(files.mesh))
 

@@ -38,9 +38,8 @@ class Suite(Generic[S, C]):
     def check(self, of: Of = "part", needed_for: Need = "physics") -> Callable[[Question[S, C]], Question[S, C]]:
         """Return the decorator that adds a check; its answer bears the function's name where it is needed for something.
 
-        Args:
-            of: what it is asked of, once: the whole room, or each articulated part.
-            needed_for: what has no meaning where the check does not pass.
+        `of`: what it is asked of, once: the whole room, or each articulated part; `needed_for`: what has no meaning
+        where the check does not pass.
         """
 
         def add(question: Question[S, C]) -> Question[S, C]:

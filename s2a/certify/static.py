@@ -259,9 +259,7 @@ def convex(contents: Contents, config: ShapeConfig) -> Check:
 def dent(vertices: np.ndarray, triangles: np.ndarray) -> float:
     """Return how far a surface's points and face centres reach into its convex hull [m]; inf if it is flat or not closed.
 
-    Args:
-        vertices: shape [vertex 3].
-        triangles: shape [face 3].
+    `vertices`: shape [vertex 3]; `triangles`: shape [face 3].
     """
     if len(triangles) < 4 or not np.isfinite(vertices).all():
         return math.inf

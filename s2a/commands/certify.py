@@ -47,11 +47,7 @@ class Config:
 
 
 def run(config: Config) -> str:
-    """Certify the parts, or keep an earlier run's reports; return the verdicts.
-
-    Raises:
-        CheckFailed: a check failed.
-    """
+    """Certify the parts, or keep an earlier run's reports; return the verdicts; CheckFailed: a check failed."""
     if not config.stage.is_file():
         what = "is a folder" if config.stage.is_dir() else "does not exist"
         raise InputError(f"stage {str(config.stage)!r} {what}; give a sim.usd, which s2a prepare writes")

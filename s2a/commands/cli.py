@@ -209,11 +209,7 @@ def meaning(command: str) -> str:
 
 
 def _module(command: str) -> Any:
-    """Import a command.
-
-    Raises:
-        InputError: it needs an extra that is not installed.
-    """
+    """Import a command; InputError: it needs an extra that is not installed."""
     name = commands()[command]
     if name in sys.modules:
         return sys.modules[name]

@@ -108,11 +108,8 @@ LIGHT_DIRECTION = np.array((0.35, 0.25, 0.9)) / np.linalg.norm((0.35, 0.25, 0.9)
 def vertex_colors(points: np.ndarray, surface: Surface, nearest: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return the colour of each scanned point, shape [point 3], uint8.
 
-    Args:
-        points: in the room's frame, along which boards and threads run [m], shape [point 3].
-        surface: what was scanned, in the room's frame.
-        nearest: its face nearest to each point, shape [point].
-        rng: where the noise comes from.
+    `points`: in the room's frame, along which boards and threads run [m], shape [point 3]; `nearest`: its face nearest
+    to each point, shape [point].
     """
     a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
     normal = np.cross(b - a, c - a)

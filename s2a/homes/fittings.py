@@ -119,11 +119,7 @@ PAINTS: tuple[Color, ...] = ((236, 236, 232), (222, 214, 196), (120, 90, 62), (8
 
 
 def doors(plan: FloorPlan, colors: Palette, count: int) -> Holes:
-    """Place doors in walls, and return the holes for them.
-
-    Raises:
-        Crowded: there is no room for one of them.
-    """
+    """Place doors in walls, and return the holes for them; Crowded: there is no room for one of them."""
     holes: Holes = {}
     finish = (pick(plan.rng, PAINTS), pick(plan.rng, (colors.wood, colors.paint, PAINTS[0])), colors.metal)
     for _ in range(count):

@@ -204,11 +204,7 @@ class FloorPlan:
         return None
 
     def need(self, pose: np.ndarray | None) -> np.ndarray:
-        """Return a pose that must not be None.
-
-        Raises:
-            Crowded: it is None.
-        """
+        """Return a pose that must not be None; Crowded: it is None."""
         if pose is None:
             raise Crowded
         return pose

@@ -155,12 +155,7 @@ def worktop(
 ) -> list[Piece]:
     """Return a worktop along y, and a sink with its tap where one is wanted.
 
-    Args:
-        span: from y to y [m].
-        sizes: of the kitchen.
-        sink: middle and width of the bowl [m], or None.
-        color: of the worktop.
-        texture: of the same.
+    `span`: from y to y [m]; `sink`: middle and width of the bowl [m], or None.
     """
     z = (sizes.top, sizes.top + sizes.counter)
     x = (0.0, sizes.depth + 0.025)

@@ -298,11 +298,7 @@ def kitchen(plan: FloorPlan, colors: Palette) -> None:
 def row(rng: np.random.Generator, kitchen: KitchenStyle, length: float, main: bool) -> list[Piece]:
     """Return base units side by side under one worktop, things on it, wall units above: a group centred in y.
 
-    Args:
-        rng: the order and widths of the units.
-        kitchen: of the kitchen.
-        length: at most [m].
-        main: It has the sink, the oven and the dishwasher.
+    `length`: at most [m]; `main`: It has the sink, the oven and the dishwasher.
     """
     kinds = _order(rng, length, main)
     widths = np.array([wide for _, wide in kinds])

@@ -126,9 +126,8 @@ class Registration:
 def register(closed: OrientedMesh, opened: OrientedMesh) -> Registration:
     """Return the parts that stand open in one scan of a room and not in the other; none where they show two rooms.
 
-    Args:
-        closed: the scan with the parts closed, its normals towards free space.
-        opened: the other scan, in a frame of its own that differs by at most 0.2 rad about z.
+    `closed`: the scan with the parts closed, its normals towards free space; `opened`: the other scan, in a frame of
+    its own that differs by at most 0.2 rad about z.
     """
     alignment = align(closed, opened)
     if alignment.overlap < MIN_OVERLAP:

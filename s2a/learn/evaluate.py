@@ -27,10 +27,7 @@ Policy = Callable[[torch.Tensor], torch.Tensor]
 def evaluate(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: None) -> dict[str, Any]:
     """Run one episode in every world from a fresh reset.
 
-    Args:
-        env: the worlds.
-        policy: what acts in them.
-        watch: called after the reset and after every step.
+    `policy`: what acts in them; `watch`: called after the reset and after every step.
 
     Returns:
         Number of episodes; the task's thresholds and the version of its metrics; the rate of every 0-or-1 column (the task's

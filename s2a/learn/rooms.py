@@ -213,10 +213,7 @@ def empty(name: str, source: str, reason: str) -> Row:
 def make(jobs: Sequence[RoomJob], out: Path, at_once: int) -> list[Row]:
     """Make the rooms that are missing or failed; return the rows of all.
 
-    Args:
-        jobs: the rooms.
-        out: folder of the pool.
-        at_once: rooms that are made at once, each in a process of its own.
+    `at_once`: rooms that are made at once, each in a process of its own.
 
     Raises:
         InputError: two rooms of one name, one of the index's, or one in `out` that was made with other settings or of another

@@ -226,11 +226,7 @@ def write(law: PullLaw, file: Path) -> None:
 
 
 def read(file: Path) -> PullLaw:
-    """Read a law.
-
-    Raises:
-        InputError: no such file; not a law.
-    """
+    """Read a law; InputError: no such file; not a law."""
     if not file.is_file():
         raise InputError(f"no pull law {str(file)!r}; make one with s2a optimize")
     try:

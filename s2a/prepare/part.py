@@ -62,11 +62,8 @@ def part_results(
 ) -> dict[str, PartResult | InputError]:
     """Return what was found for each part, or why it cannot be prepared.
 
-    Args:
-        scene: the room.
-        wanted: articulated parts, each with the parts of its body.
-        config: how.
-        meanwhile: other work for this process, where helpers begin with the parts.
+    `wanted`: articulated parts, each with the parts of its body; `meanwhile`: other work for this process, where
+    helpers begin with the parts.
     """
     whole = key([*(part.mesh for part in scene.parts.values()), _facts(scene), repr(config)])
     keys = {part: [whole, part, repr(members)] for part, members in wanted}

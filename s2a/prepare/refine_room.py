@@ -42,9 +42,7 @@ UP = np.array([0.0, 0.0, 1.0])
 def frame_of(normals: Sequence[np.ndarray], axes: Sequence[np.ndarray]) -> np.ndarray:
     """Return the axes of a piece of furniture as columns [3 3]: across its fronts, along them, up.
 
-    Args:
-        normals: of its fronts, the most certain first.
-        axes: of its joints, for furniture without upright fronts.
+    `normals`: of its fronts, the most certain first; `axes`: of its joints, for furniture without upright fronts.
     """
     for direction in (*normals, *axes):
         level = direction * (1.0, 1.0, 0.0)
@@ -291,11 +289,7 @@ def prior_sigma(room: JointedRoom, axis: float, config: RefineConfig) -> np.ndar
 def fit(room: JointedRoom, axis: float, free: np.ndarray, config: RefineConfig) -> RoomFit:
     """Return the parameters with the least loss, from the annotation on.
 
-    Args:
-        room: the joints.
-        axis: standard deviation of annotated axes [rad].
-        free: which parameters may change, shape [joint 5].
-        config: settings.
+    `axis`: standard deviation of annotated axes [rad]; `free`: which parameters may change, shape [joint 5].
     """
     loss = room.loss.of([*room.terms, *priors(room, axis, config)], room.paths)
     turns = loss.size - free.size

@@ -75,11 +75,7 @@ def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, 
     The ground is what carries anything that is free to fall, and every level structure below the robot's shoulder: without
     it what falls would fall forever. However many are needed are loaded; 60 cost 7 % of a step where nothing touches them.
 
-    Args:
-        stage: the world's stage.
-        colliders: those of the static room and of frozen bodies.
-        space: where something can be touched.
-        room: the file, for messages.
+    `colliders`: those of the static room and of frozen bodies; `space`: where something can be touched.
     """
     planes = [_planes(prim) for prim in colliders]
     ground = _carrying(space.resting, planes)

@@ -275,9 +275,7 @@ class TaskVectorEnv(VectorEnv[Any, Any, Any]):
     def __init__(self, worlds: VecEnv, numpy: bool = False) -> None:
         """Wrap an environment that keeps final observations.
 
-        Args:
-            worlds: the environment.
-            numpy: return NumPy arrays for tensors.
+        `worlds`: the environment; `numpy`: return NumPy arrays for tensors.
         """
         self.worlds, self.num_envs, self._numpy, self._is_reset = worlds, worlds.num_envs, numpy, False
         self.single_action_space = Box(-1.0, 1.0, (worlds.num_actions,), np.float32)

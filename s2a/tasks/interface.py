@@ -35,11 +35,7 @@ class TermColumns:
 def observations(kind: type[Task], config: Any, joints: int, critic: bool = False) -> list[TermColumns]:
     """Return what a policy observes, in the order of its columns.
 
-    Args:
-        kind: the task.
-        config: its settings.
-        joints: number of the robot's driven joints.
-        critic: return what only a critic observes instead.
+    `kind`: the task; `critic`: return what only a critic observes instead.
     """
     groups = kind.CRITIC if critic else kind.OBSERVATIONS
     terms = active(groups, config)

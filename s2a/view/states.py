@@ -159,13 +159,7 @@ PARTS, OBJECTS = "observation.part", "observation.objects"
 
 
 def read_demonstrations(root: Path, first: int, count: int) -> States:
-    """Read some episodes.
-
-    `count`: of them at most.
-
-    Raises:
-        InputError: another folder or format, or no such episode.
-    """
+    """Read some episodes. `count`: of them at most; InputError: another folder or format, or no such episode."""
     try:
         about, info, stage = (json.loads((root / name).read_text()) for name in (ABOUT, INFO, STAGE))
         total = int(info["total_episodes"])

@@ -43,11 +43,7 @@ class LeRobotDataset:
     def __init__(self, root: Path, fps: int, robot: str, features: Mapping[str, Mapping[str, Any]]) -> None:
         """Begin a dataset, or go on with one; files of an episode that was not finished are deleted.
 
-        Args:
-            root: the folder.
-            fps: frames a second.
-            robot: its name.
-            features: dtype ("float32" or "video"), shape and names of each column or camera.
+        `fps`: frames a second; `features`: dtype ("float32" or "video"), shape and names of each column or camera.
 
         Raises:
             InputError: the folder holds something else, or a dataset of other features.

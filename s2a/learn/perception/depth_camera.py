@@ -46,9 +46,7 @@ class VisibleRoom:
     def hits(self, start: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return the distances at which rays meet the room [m], shape [ray]; inf where they do not.
 
-        Args:
-            start: where all rays begin [m], shape [3].
-            directions: unit vectors, shape [ray 3].
+        `start`: where all rays begin [m], shape [3]; `directions`: unit vectors, shape [ray 3].
         """
         return first_hits(self._all, np.broadcast_to(start, directions.shape), directions)
 

@@ -185,11 +185,8 @@ def train(
 ) -> tuple[PartNetwork, list[float]]:
     """Return a trained network, and its loss every hundredth of the steps.
 
-    Args:
-        points: of all frames, shape [frame point FEATURES], on the device that is to train.
-        truth: descriptions, the grasp point relative to the cloud's center, shape [frame NUMBERS].
-        config: how.
-        seed: of the network and of what is drawn.
+    `points`: of all frames, shape [frame point FEATURES], on the device that is to train; `truth`: descriptions, the
+    grasp point relative to the cloud's center, shape [frame NUMBERS].
     """
     torch.manual_seed(seed)
     device = points.device

@@ -245,11 +245,7 @@ def read_world(checkpoint: Path) -> tuple[SimConfig, MdpConfig] | None:
 
 
 def world_of(text: str, file: Path) -> tuple[SimConfig, MdpConfig]:
-    """Return the world that a world.json describes.
-
-    Raises:
-        InputError: it was written by another version, or is damaged.
-    """
+    """Return the world that a world.json describes; InputError: it was written by another version, or is damaged."""
     try:
         values = json.loads(text)
         complete(values)

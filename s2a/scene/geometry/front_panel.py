@@ -181,10 +181,8 @@ class Pocket:
 def find_pocket(region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float]) -> Pocket | None:
     """Return the pocket that a grasp region lines, or None where most of it is not behind the front.
 
-    Args:
-        region: the annotated surface.
-        frame: its grasp frame, axes as columns: x and y along the pocket's sides, z into the furniture.
-        plane: of the front, as outward normal and offset [m].
+    `frame`: its grasp frame, axes as columns: x and y along the pocket's sides, z into the furniture; `plane`: of the
+    front, as outward normal and offset [m].
     """
     normal, offset = plane
     frame = facing_frame(frame, normal)

@@ -50,10 +50,7 @@ SAG = 0.03
 def knob_hulls(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:
     """Return a knob as frusta from its face to the front, or None if it is not round.
 
-    Args:
-        region: the handle as scanned.
-        frame: axes as columns [3 3]: z into the furniture.
-        front: coordinate of the front along z [m].
+    `frame`: axes as columns [3 3]: z into the furniture; `front`: coordinate of the front along z [m].
     """
     points, faces = sample_with_faces(region, SAMPLES, seed=0)
     local, facing = points @ frame, (normals(region) @ frame)[faces]
@@ -167,9 +164,7 @@ def _head_and_stalk(rings: np.ndarray, truer: np.ndarray, least: float) -> list[
 def _sharp(radii: np.ndarray, deep: np.ndarray) -> np.ndarray:
     """Return a profile's radii [m] with its side drawn on straight to the face, as a scan rounds the corner off.
 
-    Args:
-        radii: of the rings [m], shape [ring].
-        deep: how far they are behind the face [m], shape [ring].
+    `radii`: of the rings [m], shape [ring]; `deep`: how far they are behind the face [m], shape [ring].
     """
     side = (deep > CORNER) & (deep < CORNER + HEAD)
     if side.sum() < 3:

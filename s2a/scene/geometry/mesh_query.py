@@ -152,10 +152,7 @@ def _hit(
 def first_hits(mesh: RayMesh | Forest, starts: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Return the distance of each ray to a mesh, or to the nearest of several [m], shape [ray]; inf where it misses.
 
-    Args:
-        mesh: what is hit, from either side.
-        starts: of the rays [m], shape [ray 3].
-        directions: unit vectors, shape [ray 3].
+    `starts`: of the rays [m], shape [ray 3]; `directions`: unit vectors, shape [ray 3].
     """
     meshes = mesh.ids if isinstance(mesh, Forest) else _ids([mesh])
     rays = [wp.array(np.asarray(a, np.float32), dtype=wp.vec3, device="cpu") for a in (starts, directions)]

@@ -212,10 +212,7 @@ class RansacConfig:
 def ransac_plane(points: np.ndarray, upright: bool, config: RansacConfig) -> Plane | None:
     """Return the horizontal (or vertical) plane with the most inliers, as it was drawn; None if no draw had that direction.
 
-    Args:
-        points: shape [point 3], [m].
-        upright: Find a vertical plane instead of a horizontal one.
-        config: threshold and number of iterations.
+    `points`: shape [point 3], [m]; `upright`: Find a vertical plane instead of a horizontal one.
 
     Returns:
         A plane whose `faces` are the indices of its inliers among the points.

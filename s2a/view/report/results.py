@@ -337,9 +337,7 @@ TABLE = (
 def reported(reward: Mapping[str, Any], stage: str) -> Reported | None:
     """Return the row of the paper's table with the same weights, or None; further terms that weigh something make another reward.
 
-    Args:
-        reward: weights by term.
-        stage: name of the file, "twin" in it for a CAD twin.
+    `reward`: weights by term; `stage`: name of the file, "twin" in it for a CAD twin.
     """
     weights = tuple(float(reward.get(term, 0.0)) for term in TERMS)
     asset = TWIN if "twin" in stage else SCAN

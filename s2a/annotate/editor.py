@@ -12,12 +12,9 @@ from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.handle import Shape
 from s2a.annotate.region import Direction, FrontRegion, GrowConfig, hinge, hinge_at, side, slide
 
-RECTANGULAR = 0.8
-"""Fraction of its rectangle that a region fills from which on its sides are straight."""
-END = 0.05
-"""[m] A dragged side this near to where the region ends lies there."""
-MIN_SIDE = 0.03
-"""[m] A front is no smaller."""
+RECTANGULAR = 0.8  # Fraction of its rectangle that a region fills from which on its sides are straight
+END = 0.05  # [m] A dragged side this near to where the region ends lies there
+MIN_SIDE = 0.03  # [m] A front is no smaller
 
 
 @dataclass(frozen=True, eq=False)

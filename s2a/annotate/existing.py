@@ -23,10 +23,10 @@ from s2a.scan.ply import ScanMesh
 from s2a.scene.scene import Joint
 
 Document = dict[str, Any]
-NOBODY, NEW = -1, -2
-"""In place of the number of a part."""
+NOBODY, NEW = -1, -2  # In place of the number of a part
+# Fraction of the rectangle around its corners that a front fills which was cut out as one; its handle is not the
+# front's
 FULL = 0.97
-"""Fraction of the rectangle around its corners that a front fills which was cut out as one; its handle is not the front's."""
 
 
 @dataclass(frozen=True)

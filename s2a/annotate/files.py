@@ -21,18 +21,14 @@ from s2a.scan.ply import ScanMesh
 from s2a.scan.ply_file import write_ply
 from s2a.scan.predictions import Prediction
 
-LEVEL, UPRIGHT = 0.9, 0.3
-"""Vertical component of the normals of level faces, at least, and of upright ones, at most."""
-THICK = 0.06
-"""[m] Faces this near to a wall's, floor's or ceiling's plane are its own."""
+LEVEL, UPRIGHT = 0.9, 0.3  # Vertical component of the normals of level faces, at least, and of upright ones, at most
+THICK = 0.06  # [m] Faces this near to a wall's, floor's or ceiling's plane are its own
+# [m^2] and [m] from which an upright plane is one of the structure: a wall, or a wardrobe's side, which a box fits as
+# well
 WALL_AREA, WALL_HEIGHT = 1.2, 1.6
-"""[m^2] and [m] from which an upright plane is one of the structure: a wall, or a wardrobe's side, which a box fits as well."""
-TURNS = 36
-"""Azimuths that are tried, over the full circle."""
-STEP = 0.02
-"""[m] Bins of the offsets of planes."""
-MIN_OBJECT = 0.02
-"""[m^2] Smaller pieces go to the structure, whose boxes leave them out."""
+TURNS = 36  # Azimuths that are tried, over the full circle
+STEP = 0.02  # [m] Bins of the offsets of planes
+MIN_OBJECT = 0.02  # [m^2] Smaller pieces go to the structure, whose boxes leave them out
 
 
 def divide(surface: SplitSurface, free: np.ndarray) -> list[tuple[str, np.ndarray]]:
@@ -109,8 +105,8 @@ def _planes(offsets: np.ndarray, areas: np.ndarray, least: float) -> list[float]
         full[window] = 0.0
 
 
+# By this file a folder is known to be an earlier output; it says what was annotated, and which handles were added
 RECORD = "annotate.json"
-"""By this file a folder is known to be an earlier output; it says what was annotated, and which handles were added."""
 
 
 @dataclass(frozen=True)

@@ -14,38 +14,30 @@ from s2a.scene.scene import Joint, Mesh
 
 Shape = Literal["bar", "knob", "lever"]
 SHAPES: tuple[Shape, ...] = ("bar", "knob", "lever")
+# [m] A handle stands out by more than the first and less than the second: noise, and another piece of furniture
 RELIEF, STEPS_OUT = 0.008, 0.09
-"""[m] A handle stands out by more than the first and less than the second: noise, and another piece of furniture."""
-NOISE = 4.0
-"""Standard deviations of a front's own faces that a handle exceeds."""
-NEAR = 0.02
-"""[m] A click this near to faces that stand out means them."""
-MARGIN = 0.03
-"""[m] A handle may stand over the sides of its front by so much."""
-MIN_AREA, MAX_FRACTION = 2e-4, 0.35
-"""[m^2] and fraction of the front: smaller is noise, larger is a moulding."""
+NOISE = 4.0  # Standard deviations of a front's own faces that a handle exceeds
+NEAR = 0.02  # [m] A click this near to faces that stand out means them
+MARGIN = 0.03  # [m] A handle may stand over the sides of its front by so much
+MIN_AREA, MAX_FRACTION = 2e-4, 0.35  # [m^2] and fraction of the front: smaller is noise, larger is a moulding
+# [m] What stands out by less no finger gets behind: a handle that the scan has smeared over its front
 GRASPABLE = 0.015
-"""[m] What stands out by less no finger gets behind: a handle that the scan has smeared over its front."""
+# Cosine with the front's normal below which a face is turned away, and fraction of a handle's area that is. What
+# looks ahead all over is a bulge that the scan made of one, on whose sides no finger can press
 SIDEWAYS, TURNED = 0.5, 0.1
-"""Cosine with the front's normal below which a face is turned away, and fraction of a handle's area that is. What looks ahead
-all over is a bulge that the scan made of one, on whose sides no finger can press."""
-AROUND = 0.04
-"""[m] What is this near to a handle tells the height that it stands out from."""
+AROUND = 0.04  # [m] What is this near to a handle tells the height that it stands out from
+# [m] Largest height of what a scan made of a handle, and distance in which it lies from where one clicks
 MAX_RISE, REACH = 0.03, 0.06
-"""[m] Largest height of what a scan made of a handle, and distance in which it lies from where one clicks."""
-SMEAR = 0.15
-"""[m] What stands out nearer to a handle that is added is what the scan made of it."""
-CLEARANCE = 0.032
-"""[m] Between a parametric bar and the front: a finger of the Panda is 0.02 m thick."""
+SMEAR = 0.15  # [m] What stands out nearer to a handle that is added is what the scan made of it
+CLEARANCE = 0.032  # [m] Between a parametric bar and the front: a finger of the Panda is 0.02 m thick
+# [m] Of bars and levers, of their posts, and of knobs. A part is grasped at the mean of its handle's surface: thick
+# posts would put that behind the bar, where the fingertips miss it
 RADIUS, POST, KNOB = 0.006, 0.0025, 0.016
-"""[m] Of bars and levers, of their posts, and of knobs. A part is grasped at the mean of its handle's surface: thick posts would
-put that behind the bar, where the fingertips miss it."""
-LENGTH = {"bar": 0.128, "lever": 0.11}
-"""[m] A usual distance between the screws of a bar; a lever's arm."""
-USUAL: Shape = "bar"
-"""The shape that a handle most often has which a mesh does not resolve."""
+LENGTH = {"bar": 0.128, "lever": 0.11}  # [m] A usual distance between the screws of a bar; a lever's arm
+USUAL: Shape = "bar"  # The shape that a handle most often has which a mesh does not resolve
+# [m] A handle's distance from the side that moves most, its middle's from the ends of that side, and the height of a
+# hand
 INSET, REACH_IN, HAND = 0.05, 0.12, 1.0
-"""[m] A handle's distance from the side that moves most, its middle's from the ends of that side, and the height of a hand."""
 SIDES = 10
 STEEL = (150, 152, 156)
 

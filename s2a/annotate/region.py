@@ -14,14 +14,10 @@ from s2a.scene.geometry.mesh_ops import weighted_quantile
 from s2a.scene.geometry.planes import fit_plane, plane_axes
 from s2a.scene.scene import Joint
 
-START = 0.08
-"""[m] Faces within this distance of the clicked place make the first plane."""
-ROUNDS = 3
-"""Times a plane is fitted to what grew from it."""
-BESIDE = 0.05
-"""[m] Faces whose middles lie so far beside a rectangle may cross its sides."""
-TRIM = 0.01
-"""Fraction of a region's area beyond each side of its rectangle: ragged ends."""
+START = 0.08  # [m] Faces within this distance of the clicked place make the first plane
+ROUNDS = 3  # Times a plane is fitted to what grew from it
+BESIDE = 0.05  # [m] Faces whose middles lie so far beside a rectangle may cross its sides
+TRIM = 0.01  # Fraction of a region's area beyond each side of its rectangle: ragged ends
 
 
 @dataclass(frozen=True)
@@ -183,8 +179,7 @@ def _grown(
 
 Direction = Literal["out", "right", "left", "up", "down"]
 DIRECTIONS: tuple[Direction, ...] = ("out", "right", "left", "up", "down")
-NEAR_SIDE = 0.06
-"""[m] Picked points this near to a side mean that side."""
+NEAR_SIDE = 0.06  # [m] Picked points this near to a side mean that side
 
 
 def slide(region: FrontRegion, direction: Direction = "out") -> Joint:

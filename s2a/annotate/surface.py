@@ -12,10 +12,9 @@ from scipy.sparse.csgraph import connected_components
 from s2a.scene.geometry.mesh_ops import GREY, TriangleSurface
 from s2a.scene.scene import Mesh
 
-ADDED = -1
-"""Source of a face that was not scanned."""
+ADDED = -1  # Source of a face that was not scanned
+# [m] A vertex this near to a plane lies on it: what would be cut off is less than float32 and a scan resolve
 ON_PLANE = 1e-4
-"""[m] A vertex this near to a plane lies on it: what would be cut off is less than float32 and a scan resolve."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -129,5 +129,4 @@ class ShapeConfig:
     recess_site: NotNegative = 0.008
 
 
-STRUCTURE: Suite[Contents, ShapeConfig] = Suite()
-"""Checks of the prims alone, independent of any simulator."""
+STRUCTURE: Suite[Contents, ShapeConfig] = Suite()  # Checks of the prims alone, independent of any simulator

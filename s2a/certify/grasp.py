@@ -24,14 +24,11 @@ from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import read_attribute, read_mesh, world_pose
 from s2a.sim.world import OPPOSED, touched
 
-MARGIN = 0.002
-"""[m] Accuracy of a scan: points nearer to its surface count as occupied."""
+MARGIN = 0.002  # [m] Accuracy of a scan: points nearer to its surface count as occupied
+# [m] Length of the gripper body's swept volume before the grasp: its own depth and its straight approach
 APPROACH = 0.2
-"""[m] Length of the gripper body's swept volume before the grasp: its own depth and its straight approach."""
-BLOCKED = 0.005
-"""[m] Penetration depth of the gripper body that is more than the scan's roughness."""
-POINTS = 1500
-"""Samples on either side."""
+BLOCKED = 0.005  # [m] Penetration depth of the gripper body that is more than the scan's roughness
+POINTS = 1500  # Samples on either side
 
 
 @dataclass(frozen=True)
@@ -152,9 +149,9 @@ def _near(mesh: Mesh, origin: np.ndarray, reach: float = 0.15) -> bool:
     return bool(((low < origin + reach) & (high > origin - reach)).all())
 
 
+# [N] Force with which a finger counts as pressing; [m] distance of a contact from the region that it is on. Those of
+# the tasks' files, `contact_force` and `contact_distance`, which a check of the room alone does not read
 PRESS_FORCE, ON_REGION = 1.0, 0.005
-"""[N] Force with which a finger counts as pressing; [m] distance of a contact from the region that it is on. Those of the tasks'
-files, `contact_force` and `contact_distance`, which a check of the room alone does not read."""
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ from s2a.scene.usd.sim_scene import PREPARE_AGAIN, rotate
 from s2a.sim.room import owner
 from s2a.sim.world import JointConfig, build_world, read_stage
 
-PARKED = 50.0
-"""[m] Height at which the gripper waits."""
+PARKED = 50.0  # [m] Height at which the gripper waits
 
 
 @dataclass(frozen=True)
@@ -189,13 +188,12 @@ class MujocoWorld:
 
 
 FIX = "correct the colliders or the annotated axis and range, then " + PREPARE_AGAIN
-GAIN = 200.0
-"""[N s/m] How hard the sweep corrects its speed; its force is bounded, so that this is of no consequence."""
+GAIN = 200.0  # [N s/m] How hard the sweep corrects its speed; its force is bounded, so that this is of no consequence
+# [N/m] How fast the sweep's force grows while it is too slow: by 20 N/s at the 1 cm/s with which it ends. Without
+# this, dry friction stops it where GAIN times the speed that is left no longer overcomes it: 6 N, 10 mm before the
+# limit
 INTEGRAL = 2000.0
-"""[N/m] How fast the sweep's force grows while it is too slow: by 20 N/s at the 1 cm/s with which it ends. Without this, dry
-friction stops it where GAIN times the speed that is left no longer overcomes it: 6 N, 10 mm before the limit."""
-SLACK = 0.002
-"""[m] How near to a limit the sweep has to come: limits are soft."""
+SLACK = 0.002  # [m] How near to a limit the sweep has to come: limits are soft
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,8 +225,7 @@ class MotionConfig:
     penetration: NotNegative = 0.001
 
 
-MOTION: Suite[MujocoWorld, MotionConfig] = Suite()
-"""Checks of the moving part without a gripper."""
+MOTION: Suite[MujocoWorld, MotionConfig] = Suite()  # Checks of the moving part without a gripper
 
 
 @MOTION.check()

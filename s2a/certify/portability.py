@@ -23,14 +23,12 @@ from s2a.scene.usd.joints import joint_ends, read_joint
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
 from s2a.scene.usd.stage import world_points
 
-STANDARD_GRAVITY = (9.78, 9.84)
-"""[m/s^2] On the Earth's surface, from the equator to the poles."""
+STANDARD_GRAVITY = (9.78, 9.84)  # [m/s^2] On the Earth's surface, from the equator to the poles
+# Coulomb coefficients of dry household materials on a gripper's rubber, from lacquer to rubber on rubber
 FRICTION = (0.2, 1.5)
-"""Coulomb coefficients of dry household materials on a gripper's rubber, from lacquer to rubber on rubber."""
+# [kg/m^3] Mass by the volume of a body's bounding box: from a paper lamp to a solid block of stone
 DENSITY = (3.0, 3000.0)
-"""[kg/m^3] Mass by the volume of a body's bounding box: from a paper lamp to a solid block of stone."""
-DRY_FRICTION = 30.0
-"""[N] or [N m] Largest Coulomb friction of a joint: a hand opens furniture with less."""
+DRY_FRICTION = 30.0  # [N] or [N m] Largest Coulomb friction of a joint: a hand opens furniture with less
 NO_LIMIT = 1e30
 
 

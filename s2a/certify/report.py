@@ -121,12 +121,10 @@ def png(image: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
+# Colours of the moving part's colliders, one after the other
 TARGET = ((230, 120, 40), (250, 170, 60), (205, 90, 60), (245, 140, 100))
-"""Colours of the moving part's colliders, one after the other."""
-NEAR = 1.6
-"""Distance for the image of the grasp, as a multiple of what just fits."""
-OTHERS = (120, 150, 190)
-"""Colour of all other colliders."""
+NEAR = 1.6  # Distance for the image of the grasp, as a multiple of what just fits
+OTHERS = (120, 150, 190)  # Colour of all other colliders
 
 
 def images(path: Path, part: str, camera: OrbitCamera) -> dict[str, np.ndarray]:

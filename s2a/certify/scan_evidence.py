@@ -27,14 +27,10 @@ from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN, Articulation, Base, Grasp, SimRoom, in_scene
 from s2a.scene.usd.stage import ROOT
 
-ROUND = 1.5
-"""A region whose extents differ by less than this factor can be held any way round."""
-INWARD = -0.5
-"""Of `_facing`: 16 pockets in three virtual scans have -1.0 to -0.9, 36 handles before a front 0.07 to 1."""
-SIDE = 0.5
-"""Of a normal, across the approach, from which on its face is a side of the region."""
-ON_SURFACE = 0.005
-"""[m] A region lies no farther from its body's surface, of which it is a part."""
+ROUND = 1.5  # A region whose extents differ by less than this factor can be held any way round
+INWARD = -0.5  # Of `_facing`: 16 pockets in three virtual scans have -1.0 to -0.9, 36 handles before a front 0.07 to 1
+SIDE = 0.5  # Of a normal, across the approach, from which on its face is a side of the region
+ON_SURFACE = 0.005  # [m] A region lies no farther from its body's surface, of which it is a part
 
 
 def grasp_frame(path: str, grasp: Grasp, surface: Mesh, max_distance: float, max_opening: float) -> list[Check]:
@@ -99,8 +95,7 @@ def _facing(grasp: Grasp) -> float:
     return float(moment.sum() / max(np.abs(moment).sum(), 1e-12))
 
 
-RAYS = 32
-"""Directions around the base's axis in which what stands there is looked for."""
+RAYS = 32  # Directions around the base's axis in which what stands there is looked for
 
 
 @dataclass(frozen=True)
@@ -171,13 +166,12 @@ def obstacle(place: np.ndarray, base: Base, surface: RayMesh, config: BaseCheckC
     return distance if distance < base.radius else np.inf
 
 
+# Samples of a body's surface, and of the room's, of which only the nearest are asked
 POINTS, ROOM_POINTS = 4000, 100_000
-"""Samples of a body's surface, and of the room's, of which only the nearest are asked."""
+# Smallest fraction of a surface's area, by the squared cosine of its normals, that tells of a shift along a
+# direction; of the small surface of a handle, whose ends are scanned
 SEEN, SEEN_HANDLE = 0.15, 0.05
-"""Smallest fraction of a surface's area, by the squared cosine of its normals, that tells of a shift along a direction; of the
-small surface of a handle, whose ends are scanned."""
-FACING = 0.8
-"""Cosine from which a hull's face stands for a scanned one: the other side of a thin sheet does not."""
+FACING = 0.8  # Cosine from which a hull's face stands for a scanned one: the other side of a thin sheet does not
 
 
 @dataclass(frozen=True)
@@ -324,12 +318,11 @@ def _room(room: SimRoom, part: str, config: FidelityConfig) -> Check:
     )  # fmt: skip
 
 
+# A doubt that is no failure by itself: why a part cannot be held. Every other doubt about a part is one: it would
+# move as no such part does, or through what was scanned. None is raised by a right annotation of the virtual rooms
+# (experiments/wrong_annotations.py)
 REASON = "handle_relief"
-"""A doubt that is no failure by itself: why a part cannot be held. Every other doubt about a part is one: it would move as no
-such part does, or through what was scanned. None is raised by a right annotation of the virtual rooms
-(experiments/wrong_annotations.py)."""
-OWN = "grasp_on_region"
-"""Asked of the grasp point that the file names (`grasp_frame`), not of the region's mean."""
+OWN = "grasp_on_region"  # Asked of the grasp point that the file names (`grasp_frame`), not of the region's mean
 
 
 @dataclass(frozen=True)
@@ -398,8 +391,7 @@ class PartEvidence:
         return [self.only] if self.only in bases else sorted(bases)
 
 
-EVIDENCE: Suite[PartEvidence, EvidenceConfig] = Suite()
-"""Checks of a part against the scanned surface."""
+EVIDENCE: Suite[PartEvidence, EvidenceConfig] = Suite()  # Checks of a part against the scanned surface
 
 
 @EVIDENCE.check()

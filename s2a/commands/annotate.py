@@ -25,8 +25,7 @@ from s2a.core.progress import report as say
 from s2a.scan.evidence import Bounds
 from s2a.scene.geometry.camera import OrbitCamera, framing_pose
 
-START = np.array([1.0, 0.0, 0.0])
-"""From where the page's camera sees the room at first, turned by `camera`."""
+START = np.array([1.0, 0.0, 0.0])  # From where the page's camera sees the room at first, turned by `camera`
 
 
 @dataclass(frozen=True, kw_only=True)

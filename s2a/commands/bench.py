@@ -34,8 +34,8 @@ from s2a.tasks.env import VecEnv
 _log = logging.getLogger(__name__)
 
 PLANNER, RANDOM = "planner", "random"
+# An environment and the planner's motions of its parts -> the policy that drives it
 Actor = Callable[[VecEnv, Sequence[Demonstration]], Policy]
-"""An environment and the planner's motions of its parts -> the policy that drives it."""
 
 
 @dataclass(frozen=True)

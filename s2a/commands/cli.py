@@ -36,18 +36,16 @@ from s2a.core import config, errors, outputs, progress
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.progress import StdoutFilter
 
+# Commands as a scan meets them; those of satellites follow, room by room
 ORDER = (
     "import", "annotate", "check", "export", "prepare", "certify", "convert",
     "dataset", "train", "evaluate", "bench", "perceive", "collect", "replay", "view", "report",
 )  # fmt: skip
-"""Commands as a scan meets them; those of satellites follow, room by room."""
-ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")
-"""How an argument begins that is key=value, or removes a key."""
-SURROGATES = re.compile("[\ud800-\udfff]")
-"""What stands in an argument for bytes that are no UTF-8."""
+ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")  # How an argument begins that is key=value, or removes a key
+SURROGATES = re.compile("[\ud800-\udfff]")  # What stands in an argument for bytes that are no UTF-8
 _HELP = re.compile(r'"""Command `s2a [\w-]+`: (.*?)\.(?:\n|""")', re.S)
+# What the system answers where the path or its permissions are the cause
 UNREACHED = (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS)
-"""What the system answers where the path or its permissions are the cause."""
 FLAGS = ("--help", "-h", "--help-all", "--version", "--debug", "--multirun", "-m")
 
 

@@ -29,8 +29,7 @@ from s2a.tasks.base import MdpConfig
 from s2a.tasks.env import VecEnv
 
 Format = Literal["lerobot", "robomimic"]
-PATIENCE = 5
-"""Batches without a success after which collecting ends."""
+PATIENCE = 5  # Batches without a success after which collecting ends
 
 
 @dataclass(frozen=True)

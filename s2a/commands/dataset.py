@@ -40,10 +40,9 @@ from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import stage_of
 from s2a.tasks import MdpSettings, MetricSettings, make_env
 
-STEPS = 2200
-"""Control steps of an episode, as of s2a bench: 37 s, which the planner takes on a careful arm."""
+STEPS = 2200  # Control steps of an episode, as of s2a bench: 37 s, which the planner takes on a careful arm
+# Of fronts in a room's image: opened by the planner in half of the episodes or more; in the index; not in it
 COLORS = {"opened": (40, 150, 70), "taken": (60, 120, 220), "left out": (210, 60, 50)}
-"""Of fronts in a room's image: opened by the planner in half of the episodes or more; in the index; not in it."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +78,7 @@ class Config:
     certify: CertifyConfig
 
 
-overview = rooms.overview
-"""Of a sweep: the data sets of its jobs as one."""
+overview = rooms.overview  # Of a sweep: the data sets of its jobs as one
 
 
 def run(config: Config) -> str:

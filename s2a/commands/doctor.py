@@ -15,8 +15,8 @@ from pathlib import Path
 from s2a.core import cache
 from s2a.core.errors import MODULES
 
+# Distributions without which there is no s2a
 CORE = ("usd-core", "newton-usd-schemas", "numpy", "trimesh", "hydra-core", "omegaconf")
-"""Distributions without which there is no s2a."""
 
 
 @dataclass(frozen=True)

@@ -30,16 +30,12 @@ from s2a.scene.scene import Mesh
 
 _log = logging.getLogger(__name__)
 
-PREDICTED = "predictions.json"
-"""By this file a folder is known to be an earlier import of predictions."""
-TRUNCATION = 4.0
-"""Distance behind a measured surface from which on space is unknown [voxel]."""
-MARKS = 100
-"""Frames whose points say where voxels are needed."""
+PREDICTED = "predictions.json"  # By this file a folder is known to be an earlier import of predictions
+TRUNCATION = 4.0  # Distance behind a measured surface from which on space is unknown [voxel]
+MARKS = 100  # Frames whose points say where voxels are needed
+# Least weight of a voxel, one over the square of its distance for each frame [1/m^2]: two or three frames at 2 m
 SEEN = 0.6
-"""Least weight of a voxel, one over the square of its distance for each frame [1/m^2]: two or three frames at 2 m."""
-OVERLAP = 0.5
-"""Fraction of the smaller of two masks that both may hold."""
+OVERLAP = 0.5  # Fraction of the smaller of two masks that both may hold
 
 
 @dataclass(frozen=True)

@@ -56,20 +56,13 @@ class NotEmpty:
         return "a list of one or more, [a,b]"
 
 
-BOUNDS = (Above, AtLeast, NotEmpty)
-"""The annotations that `check` evaluates; it ignores all others."""
-Positive = Annotated[float, Above(0.0)]
-"""For example a divisor, a duration, a density."""
-NotNegative = Annotated[float, AtLeast(0.0)]
-"""For example a tolerance, an error magnitude, a gain."""
-Fraction = Annotated[float, AtLeast(0.0, 1.0)]
-"""A fraction of a whole, 0 to 1."""
-Count = Annotated[int, AtLeast(1)]
-"""A number of items, at least one."""
-CountFromZero = Annotated[int, AtLeast(0)]
-"""A number of items, possibly none; a seed."""
-Numbers = Annotated[tuple[float, ...], NotEmpty()]
-"""A list of at least one number."""
+BOUNDS = (Above, AtLeast, NotEmpty)  # The annotations that `check` evaluates; it ignores all others
+Positive = Annotated[float, Above(0.0)]  # For example a divisor, a duration, a density
+NotNegative = Annotated[float, AtLeast(0.0)]  # For example a tolerance, an error magnitude, a gain
+Fraction = Annotated[float, AtLeast(0.0, 1.0)]  # A fraction of a whole, 0 to 1
+Count = Annotated[int, AtLeast(1)]  # A number of items, at least one
+CountFromZero = Annotated[int, AtLeast(0)]  # A number of items, possibly none; a seed
+Numbers = Annotated[tuple[float, ...], NotEmpty()]  # A list of at least one number
 
 
 def check(kind: Any, value: Any, key: str = "") -> None:

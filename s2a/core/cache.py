@@ -32,12 +32,11 @@ class Triangles(Protocol):
     def colors(self) -> np.ndarray | None: ...  # noqa: D102
 
 
-Key = Sequence[Triangles | np.ndarray | str]
-"""What a result depends on, beside the code."""
+Key = Sequence[Triangles | np.ndarray | str]  # What a result depends on, beside the code
+# Those whose version changes what is kept
 LIBRARIES = ("coacd", "vhacdx", "numpy", "scipy", "trimesh", "pyfqmr", "warp-lang", "newton", "usd-core")
-"""Those whose version changes what is kept."""
+# What reading a damaged or foreign entry raises
 UNREADABLE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
-"""What reading a damaged or foreign entry raises."""
 
 
 def folder() -> Path:

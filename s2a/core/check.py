@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+# pass: within its bound. warn: doubtful. fail: contradicted, or broken. skipped: a precondition does not hold, or the
+# data are not conclusive. info: a measurement without a bound
 Status = Literal["pass", "warn", "fail", "skipped", "info"]
-"""pass: within its bound. warn: doubtful. fail: contradicted, or broken. skipped: a precondition does not hold, or the data
-are not conclusive. info: a measurement without a bound."""
 STATUSES: tuple[Status, ...] = ("fail", "warn", "pass", "skipped", "info")
 
 

@@ -45,5 +45,4 @@ def to_bytes(light: np.ndarray) -> np.ndarray:
 
 
 _ROUNDED = 2.0
-_TABLE = to_linear(np.arange(256) / 255.0)
-"""Linear light of each byte."""
+_TABLE = to_linear(np.arange(256) / 255.0)  # Linear light of each byte

@@ -55,8 +55,7 @@ class Described:
     describe: Callable[[Mapping[str, Any]], Mapping[str, str]]  # all plain values -> the meaning of each possible key
 
 
-REQUIRED = "???"
-"""Placeholder of a value without a default in a YAML file."""
+REQUIRED = "???"  # Placeholder of a value without a default in a YAML file
 
 
 def folder() -> Path:
@@ -94,14 +93,14 @@ def compose(name: str, overrides: Sequence[str] = (), settings: type | None = No
     return composed
 
 
+# An override that gives a value: key with its sign, key, value
 ASSIGNMENT = re.compile(r"(\+{0,2}([\w.]+))=(.*)", re.S)
-"""An override that gives a value: key with its sign, key, value."""
+# What stands for a text while Hydra composes: it can neither read it in its grammar nor take it for a number
 STAND_IN = re.compile(r"TEXT_(\d+)_")
-"""What stands for a text while Hydra composes: it can neither read it in its grammar nor take it for a number."""
+# What Hydra takes for no text
 NUMBER = re.compile(r"[+-]?[\d_.]*\d[\d_.]*(?:[eE][+-]?[\d_]+)?|[+-]?(?:inf|nan)|true|false", re.I)
-"""What Hydra takes for no text."""
+# An element of a list: quoted, where a comma is in it, or as it is
 ELEMENT = re.compile(r"""\s*(?:"((?:[^"\\]|\\.)*)"|'((?:[^'\\]|\\.)*)'|([^,]*?))\s*(?:,|$)""", re.S)
-"""An element of a list: quoted, where a comma is in it, or as it is."""
 
 
 def _spared(override: str, settings: type, texts: list[str]) -> str:
@@ -262,8 +261,7 @@ def opened(overrides: Sequence[str]) -> list[str]:
     return further + [TASK_FILE.sub(lambda match: f'{match[1]}="{option(match[2])}"', text) for text in opened_]
 
 
-TASK_FILE = re.compile(r"^(\+{0,2}task(?:@[\w.]+)?)=[\"']?(.+\.py)[\"']?$")
-"""An override that gives a task by its file."""
+TASK_FILE = re.compile(r"^(\+{0,2}task(?:@[\w.]+)?)=[\"']?(.+\.py)[\"']?$")  # An override that gives a task by its file
 
 
 def option(name: str) -> str:

@@ -29,6 +29,7 @@ def encodable(text: str) -> str:
     return text.encode("utf-8", "replace").decode()
 
 
+# Top-level modules by the extra that installs them
 MODULES = {
     "sim": (
         "coacd",
@@ -51,7 +52,6 @@ MODULES = {
     "collect": ("av", "h5py", "pyarrow"),
     "view": ("viser",),
 }
-"""Top-level modules by the extra that installs them."""
 
 
 @contextmanager

@@ -17,14 +17,11 @@ from typing import Any
 
 from s2a.core.errors import InputError
 
-MARK = "s2a-"
-"""By which folders and files beside outputs are known as ours."""
-LOCK = f".{MARK}lock"
-"""Ending of the name of a lock."""
-REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
-"""What a place answers that may not be written."""
+MARK = "s2a-"  # By which folders and files beside outputs are known as ours
+LOCK = f".{MARK}lock"  # Ending of the name of a lock
+REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)  # What a place answers that may not be written
+# What a file system without locks answers
 WITHOUT_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL, errno.EBADF)
-"""What a file system without locks answers."""
 
 _log = logging.getLogger(__name__)
 

@@ -20,15 +20,12 @@ from s2a.core import locks
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.locks import MARK, REFUSED, contents, start_of
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What a full disk answers."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # What a full disk answers
+# The same of libraries that drop its number; the first are NumPy's
 FULL_WORDS = ("requested and", "No space left on device", "Disk quota exceeded", "File too large")
-"""The same of libraries that drop its number; the first are NumPy's."""
-SCARCE = 65536
-"""[byte] A disk with less is taken for full where a library fails: each writes more at a time than this."""
+SCARCE = 65536  # [byte] A disk with less is taken for full where a library fails: each writes more at a time than this
 ATTEMPTS = 50
-PART = ".part"
-"""Ending of a file that is being written by `replace_file`."""
+PART = ".part"  # Ending of a file that is being written by `replace_file`
 
 
 @dataclass(frozen=True)
@@ -36,8 +33,7 @@ class Written:
     """Annotation of a field that names what a command writes."""
 
 
-Output = Annotated[Path, Written()]
-"""The type of a key that names a file or a folder which the command writes."""
+Output = Annotated[Path, Written()]  # The type of a key that names a file or a folder which the command writes
 
 
 def keys(settings: type) -> list[str]:

@@ -17,8 +17,7 @@ from typing import Any, TextIO, TypeVar
 from s2a.core.errors import InputError, printable
 
 T = TypeVar("T")
-LINE_EVERY = 10.0
-"""[s] Between two lines of progress in a log."""
+LINE_EVERY = 10.0  # [s] Between two lines of progress in a log
 
 
 def track(items: Iterable[T], description: str, total: int | None = None) -> Iterator[T]:

@@ -130,8 +130,7 @@ def _hidden_main() -> Iterator[None]:
         sys.modules["__main__"] = main
 
 
-_given: list = []
-"""In a helper: what all its work needs."""
+_given: list = []  # In a helper: what all its work needs
 
 
 def _begin(lifeline: Connection, shared: object) -> None:
@@ -190,10 +189,8 @@ def _claim(core: int) -> int | None:
     return claim
 
 
-CHUNKS_PER_CORE = 8
-"""Few enough to keep the overhead small, enough to balance the load."""
-MIN_ITEMS = 10_000
-"""Smallest chunk that is worth a launch of its own."""
+CHUNKS_PER_CORE = 8  # Few enough to keep the overhead small, enough to balance the load
+MIN_ITEMS = 10_000  # Smallest chunk that is worth a launch of its own
 
 
 def in_parallel(work: Callable[..., Result], *arguments: Iterable) -> list[Result]:

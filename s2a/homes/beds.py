@@ -19,8 +19,7 @@ from s2a.homes.fronts import DRAWER, OPEN, Style
 from s2a.homes.solids import FABRIC, WOOD, Color, Piece, Surface, at, box, join, painted, posts, rotation
 
 OAK, SHEET = (176, 138, 96), (232, 230, 226)
-BED_TOP = 0.5
-"""[m] Height of a mattress' upper face."""
+BED_TOP = 0.5  # [m] Height of a mattress' upper face
 
 
 def bed(rng: np.random.Generator, style: Style, color: Color) -> tuple[list[Piece], float, set[int]]:

@@ -101,8 +101,8 @@ def _misjudged(joint: Joint, config: AnnotationConfig, rng: np.random.Generator)
     return replace(joint, axis=tuple(axis), origin=tuple(origin), limits=(joint.limits[0], float(upper)))
 
 
+# Direction to the light in the room: ceiling lamps, and a window to one side
 LIGHT_DIRECTION = np.array((0.35, 0.25, 0.9)) / np.linalg.norm((0.35, 0.25, 0.9))
-"""Direction to the light in the room: ceiling lamps, and a window to one side."""
 
 
 def vertex_colors(points: np.ndarray, surface: Surface, nearest: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -137,12 +137,9 @@ def _wood(points: np.ndarray) -> np.ndarray:
     return 1.0 + tone + 0.06 * np.sin(260 * (y + z) + 3 * np.sin(4 * x + board) + 2 * np.sin(9 * x))
 
 
-MAX_ATTEMPTS = 4
-"""Nearest cameras that are tried for each point."""
-CHUNK = 100_000
-"""Points that are asked for at once."""
-NEAR = 0.09
-"""[m] Farther before or behind a point, what a camera sees is something else."""
+MAX_ATTEMPTS = 4  # Nearest cameras that are tried for each point
+CHUNK = 100_000  # Points that are asked for at once
+NEAR = 0.09  # [m] Farther before or behind a point, what a camera sees is something else
 
 
 def sighted(mesh: RayMesh, points: np.ndarray, normals: np.ndarray, cameras: np.ndarray) -> np.ndarray:
@@ -178,10 +175,8 @@ def _sighted(mesh: RayMesh, points: np.ndarray, normals: np.ndarray, cameras: np
     return places
 
 
-LUMINANCE = (0.2126, 0.7152, 0.0722)
-"""Weights of red, green and blue (ITU-R BT.709)."""
-LIGHT = 0.3
-"""Luminance from which on a surface returns enough infrared light; a pixel value of 76 of 255."""
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # Weights of red, green and blue (ITU-R BT.709)
+LIGHT = 0.3  # Luminance from which on a surface returns enough infrared light; a pixel value of 76 of 255
 
 
 class Capture:

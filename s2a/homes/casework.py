@@ -19,8 +19,7 @@ from s2a.homes.grips import GripDesign, upright
 from s2a.homes.solids import Piece, Surface, at, box, join, posts
 from s2a.scene.scene import Joint
 
-HANDLE_HEIGHT = 1.05
-"""[m] Height above the floor at which handles of doors are put if the door reaches there."""
+HANDLE_HEIGHT = 1.05  # [m] Height above the floor at which handles of doors are put if the door reaches there
 Grips = tuple[tuple[Piece, ...], fronts.Pocket | None]
 
 
@@ -85,10 +84,9 @@ def _roll(angle: float) -> np.ndarray:
     return turn
 
 
+# Where a leaf has its hinge, by its kind; left and right as seen by who stands before it
 SIDES: dict[str, Side] = {"left": LEFT, "right": RIGHT, "up": TOP, "down": BOTTOM}
-"""Where a leaf has its hinge, by its kind; left and right as seen by who stands before it."""
-ASKEW = 0.0004
-"""[m] Farthest that a corner of a front hangs out of place."""
+ASKEW = 0.0004  # [m] Farthest that a corner of a front hangs out of place
 Span = tuple[float, float]
 
 

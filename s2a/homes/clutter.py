@@ -13,8 +13,7 @@ from s2a.homes.objects import SPINES
 from s2a.homes.solids import FABRIC, WOOD, Piece, at, box, cylinder, join, lathe
 
 Maker = Callable[[np.random.Generator], Piece]
-MARGIN = 0.008
-"""Between two objects, and between an object and a wall [m]."""
+MARGIN = 0.008  # Between two objects, and between an object and a wall [m]
 
 
 @dataclass(frozen=True)
@@ -142,6 +141,7 @@ def basket(rng: np.random.Generator) -> Piece:
     return Piece("basket", join(*walls))
 
 
+# What stands about by theme
 THEMES: dict[str, tuple[Maker, ...]] = {
     "office": (row, pile, notebook, carton, objects.cup, objects.paper_stack, pot_plant, crate),
     "paper": (notebook, case, objects.paper_stack, notebook),
@@ -159,7 +159,6 @@ THEMES: dict[str, tuple[Maker, ...]] = {
     "shoes": (objects.slippers, carton, basket),
     "nothing": (),
 }
-"""What stands about by theme."""
 
 
 def fill(rng: np.random.Generator, board: Board, theme: str, count: int) -> tuple[Piece, ...]:

@@ -19,6 +19,7 @@ from s2a.homes.room import Entry
 from s2a.scan.gltf_file import container
 from s2a.scene.scene import Joint, Mesh
 
+# Articulate3D's semantic group of a part by its name; everything else is "others"
 GROUPS = {
     "drawer": "drawers",
     "door": "doors/windows",
@@ -29,7 +30,6 @@ GROUPS = {
     "handle base": "handles movable",
     "knob": "handles movable",
 }
-"""Articulate3D's semantic group of a part by its name; everything else is "others"."""
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -176,12 +176,11 @@ def _family(root: Entry, entries: list[Entry]) -> list[int]:
     return sorted(family)
 
 
-TEXELS = 6
-"""Along each side of the square of two triangles."""
+TEXELS = 6  # Along each side of the square of two triangles
+# Rotation from z up to y up: (x, y, z) becomes (x, z, -y)
 Y_UP = np.array(((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
-"""Rotation from z up to y up: (x, y, z) becomes (x, z, -y)."""
+# Returns the colours [point 3] of points [point 3] with normals [point 3]
 Paint = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Returns the colours [point 3] of points [point 3] with normals [point 3]."""
 
 
 def write(path: Path, vertices: np.ndarray, faces: np.ndarray, paint: Paint) -> None:

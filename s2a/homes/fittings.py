@@ -113,8 +113,7 @@ def ring(width: float, height: float, bar: float, x: tuple[float, float], color:
 
 
 Holes = dict[int, list[Hole]]
-CORNER = 0.16
-"""[m] Least distance of an opening from a corner."""
+CORNER = 0.16  # [m] Least distance of an opening from a corner
 PAINTS: tuple[Color, ...] = ((236, 236, 232), (222, 214, 196), (120, 90, 62), (80, 84, 88))
 
 

@@ -16,10 +16,8 @@ from s2a.homes.room import Outline, Side
 from s2a.homes.solids import Piece, at
 from s2a.scene.articulation import displace
 
-CLEAR = 0.012
-"""[m] Least distance between what two groups fill, and between what one fills and another sweeps."""
-STEPS = 9
-"""Poses of a part from closed to open whose boxes cover its path."""
+CLEAR = 0.012  # [m] Least distance between what two groups fill, and between what one fills and another sweeps
+STEPS = 9  # Poses of a part from closed to open whose boxes cover its path
 NO_BOXES = np.empty((0, 2, 3))
 
 

@@ -146,8 +146,8 @@ def random_style(
     )
 
 
+# Families of handles that doors have
 DOORS = ("bar", "rail", "square", "bow", "knob", "edge", "recess", "strap", "none")
-"""Families of handles that doors have."""
 
 
 def _near(rng: np.random.Generator, color: Color) -> Color:
@@ -156,11 +156,10 @@ def _near(rng: np.random.Generator, color: Color) -> Color:
 
 
 Side = tuple[int, int]
+# Where a front has its hinge: signs along y and z; left and right as seen by who stands before it
 LEFT, RIGHT, TOP, BOTTOM = (-1, 0), (1, 0), (0, 1), (0, -1)
-"""Where a front has its hinge: signs along y and z; left and right as seen by who stands before it."""
 
-GAP = 0.004
-"""Between two fronts, and between a front and a worktop [m]; fitters leave 3 to 4 mm."""
+GAP = 0.004  # Between two fronts, and between a front and a worktop [m]; fitters leave 3 to 4 mm
 
 
 def panel(size: tuple[float, float, float], color: Color, texture: int = PLAIN, dropout: float = 0.0) -> Surface:
@@ -225,8 +224,7 @@ GLASS: Color = (96, 112, 118)
 DARK_GLASS: Color = (30, 32, 36)
 MIRROR: Color = (150, 164, 172)
 Size = tuple[float, float, float]
-Pocket = tuple[float, float, float, float]
-"""A hole of a front: y from, y to, z from, z to [m]."""
+Pocket = tuple[float, float, float, float]  # A hole of a front: y from, y to, z from, z to [m]
 
 
 def front(kind: str, size: Size, color: Color, texture: int, frame: float) -> Surface:

@@ -17,19 +17,13 @@ from s2a.homes.room import Outline, Room, cad, catalog, moves, outline, paints, 
 from s2a.homes.solids import Piece
 from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 
-FREE = 0.3
-"""[m] Least distance of a scanner from everything."""
+FREE = 0.3  # [m] Least distance of a scanner from everything
 CANDIDATES = 60
-HANDLE_POINTS, SURFACE_POINTS = 8, 700
-"""Points on each handle, and on all surface, whose visibility is asked for."""
-HANDLE_WEIGHT = 6.0
-"""What a point of a handle counts, in points of any surface."""
-STEEP = 1.05
-"""[rad] Below the horizon a tripod hides what is steeper."""
-ATTEMPTS = 80
-"""Rooms that are begun before a kind of room is given up."""
-SCANNERS = 24
-"""Positions of a scanner; a tripod stands at the first few, a hand-held one passes all."""
+HANDLE_POINTS, SURFACE_POINTS = 8, 700  # Points on each handle, and on all surface, whose visibility is asked for
+HANDLE_WEIGHT = 6.0  # What a point of a handle counts, in points of any surface
+STEEP = 1.05  # [rad] Below the horizon a tripod hides what is steeper
+ATTEMPTS = 80  # Rooms that are begun before a kind of room is given up
+SCANNERS = 24  # Positions of a scanner; a tripod stands at the first few, a hand-held one passes all
 
 
 @dataclass(frozen=True)
@@ -44,6 +38,7 @@ class Kind:
     furnish: Callable[[FloorPlan, Palette], None]
 
 
+# Kinds of rooms; floor areas as in flats and offices (DIN 283, ASR A1.2)
 HOMES: Mapping[str, Kind] = {
     "office": Kind((10, 18), 0.6, (1, 1), (1, 2), room_kinds.office),
     "bedroom": Kind((10, 17), 0.5, (1, 1), (1, 2), room_kinds.bedroom),
@@ -56,7 +51,6 @@ HOMES: Mapping[str, Kind] = {
     "study": Kind((8.5, 14), 0.5, (1, 1), (1, 2), room_kinds.study),
     "workshop": Kind((11, 20), 0.7, (1, 1), (0, 1), room_kinds.workshop),
 }
-"""Kinds of rooms; floor areas as in flats and offices (DIN 283, ASR A1.2)."""
 
 
 def stream(name: str, seed: int) -> np.random.Generator:

@@ -101,6 +101,7 @@ def edge(length: float, depth: float = 0.02, lip: float = 0.014, color: Color = 
     return Piece("handle", join(top, box((depth - 0.002, depth), (-half, half), (-lip, 0), color)), style="edge")
 
 
+# Steel, black, brass, bronze, chrome, white, leather or wood
 METALS: tuple[Color, ...] = (
     (158, 160, 164),
     (44, 44, 48),
@@ -110,13 +111,12 @@ METALS: tuple[Color, ...] = (
     (232, 232, 230),
     (96, 70, 46),
 )
-"""Steel, black, brass, bronze, chrome, white, leather or wood."""
+# How often each family is drawn; "none" opens by a push
 WEIGHTS = dict(
     bar=0.24, rail=0.13, square=0.10, bow=0.13, knob=0.16, cup=0.06, edge=0.07, recess=0.04, strap=0.03, none=0.025
 )
-"""How often each family is drawn; "none" opens by a push."""
+# Style of the families that are bars of another section; every other family is its own style
 STYLES = {"rail": "bar", "square": "bar"}
-"""Style of the families that are bars of another section; every other family is its own style."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +149,7 @@ class GripDesign:
         return replace(self, length=min(self.length, max_length))
 
 
+# Length, width, depth and clearance of each family [m]
 SIZES: dict[str, tuple[Range, Range, Range, Range]] = {
     "bar": ((0.08, 0.6), (0.008, 0.024), (0.007, 0.014), (0.02, 0.036)),
     "rail": ((0.1, 0.6), (0.008, 0.016), (0.008, 0.016), (0.02, 0.036)),
@@ -161,7 +162,6 @@ SIZES: dict[str, tuple[Range, Range, Range, Range]] = {
     "strap": ((0.09, 0.18), (0.014, 0.03), (0.0025, 0.004), (0.018, 0.03)),
     "none": ((0.1, 0.1), (0.01, 0.01), (0.01, 0.01), (0.0, 0.0)),
 }
-"""Length, width, depth and clearance of each family [m]."""
 
 
 def design(rng: np.random.Generator, *families: str, color: Color | None = None) -> GripDesign:

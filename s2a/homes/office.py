@@ -20,6 +20,7 @@ from s2a.homes.floor_plan import CLEAR, measured, meet
 from s2a.homes.fronts import DRAWER, OPEN, Opening, Style
 from s2a.homes.solids import Color, Piece, at, box, join, posts
 
+# Colours of sheet steel
 SHEET: tuple[Color, ...] = (
     (196, 198, 202),
     (120, 124, 130),
@@ -28,7 +29,6 @@ SHEET: tuple[Color, ...] = (
     (150, 60, 54),
     (226, 224, 218),
 )
-"""Colours of sheet steel."""
 
 
 def steel(rng: np.random.Generator, style: Style) -> Style:

@@ -17,10 +17,10 @@ from s2a.core.bounds import Fraction, NotNegative, Positive
 from s2a.core.workers import chunks, in_parallel
 from s2a.scene.geometry.mesh_query import RayMesh
 
+# A cube-map face maps the tangent u in [-1, 1] to u (1 + BEND - BEND u^2): within 20 % of even angular spacing
 BEND = 0.25
-"""A cube-map face maps the tangent u in [-1, 1] to u (1 + BEND - BEND u^2): within 20 % of even angular spacing."""
+# Standard deviation of unit white noise on a cubic lattice once it is interpolated linearly along three axes
 LATTICE_RMS = (2.0 / 3.0) ** 1.5
-"""Standard deviation of unit white noise on a cubic lattice once it is interpolated linearly along three axes."""
 
 
 @dataclass(frozen=True)

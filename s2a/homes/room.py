@@ -15,10 +15,8 @@ from s2a.homes.draw import chance, integer, pick
 from s2a.homes.solids import PLAIN, Color, Piece, Surface, at, box, join, painted, rotation, translation
 from s2a.scene.scene import Part, Scene
 
-Size = tuple[float, float, float]
-"""Inner width, depth and height of a room [m]."""
-Hole = tuple[float, float, float, float]
-"""Opening of a wall, in the wall's frame: y from, y to, z from, z to [m]."""
+Size = tuple[float, float, float]  # Inner width, depth and height of a room [m]
+Hole = tuple[float, float, float, float]  # Opening of a wall, in the wall's frame: y from, y to, z from, z to [m]
 
 
 @dataclass(frozen=True)
@@ -61,10 +59,9 @@ def wall(
     return join(*rest, *(box(slab, (left, right), (-0.1, low), color) for left, right, low, _ in holes if low > 0))
 
 
+# A corner that is cut off: 0 to 3 for (0, 0), (width, 0), (width, depth), (0, depth); its extent along x and y [m]
 Notch = tuple[int, float, float]
-"""A corner that is cut off: 0 to 3 for (0, 0), (width, 0), (width, depth), (0, depth); its extent along x and y [m]."""
-THICK = 0.1
-"""Of walls, floor and ceiling [m]."""
+THICK = 0.1  # Of walls, floor and ceiling [m]
 
 
 @dataclass(frozen=True)
@@ -246,6 +243,7 @@ def _cross(a: np.ndarray, b: np.ndarray) -> float:
     return float(a[0] * b[1] - a[1] * b[0])
 
 
+# Floors: wood, tiles, carpet
 GROUNDS: tuple[tuple[Color, int], ...] = (
     ((164, 134, 100), 1),
     ((176, 172, 164), 3),
@@ -253,7 +251,6 @@ GROUNDS: tuple[tuple[Color, int], ...] = (
     ((120, 118, 122), 2),
     ((196, 170, 130), 1),
 )
-"""Floors: wood, tiles, carpet."""
 
 
 def paints(rng: np.random.Generator) -> tuple[Color, tuple[Color, int]]:

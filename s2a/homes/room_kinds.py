@@ -17,8 +17,8 @@ from s2a.homes.fronts import Palette, Style, random_palette, random_style
 from s2a.homes.kitchen import Fitted, fitted
 from s2a.homes.solids import Piece, at
 
+# [m] Free floor before furniture that opens: in most rooms, where people wash, in hallways
 STAND, WASH_STAND, HALL_STAND = 1.0, 0.9, 0.85
-"""[m] Free floor before furniture that opens: in most rooms, where people wash, in hallways."""
 Family = Callable[[np.random.Generator, Style], Piece]
 
 
@@ -242,8 +242,8 @@ def workshop(plan: FloorPlan, colors: Palette) -> None:
     _finish(plan, (1, 4), ("tools", "crate", "box", "can", "crate", "tools"), (3, 8), heater=False, work=True)
 
 
-ROW_STAND = 1.05
-"""[m] Free floor before a fitted row."""
+ROW_STAND = 1.05  # [m] Free floor before a fitted row
+# What makes each base unit, and its width [m]
 UNITS = {
     "drawers": (units.drawers, (0.4, 1.0)),
     "cupboard": (units.cupboard, (0.3, 0.9)),
@@ -251,7 +251,6 @@ UNITS = {
     "oven": (units.oven, (0.595, 0.605)),
     "dishwasher": (units.dishwasher, (0.445, 0.605)),
 }
-"""What makes each base unit, and its width [m]."""
 
 
 @dataclass(frozen=True)

@@ -30,28 +30,18 @@ from s2a.scene.geometry.mesh_ops import sample as points_on
 from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
 from s2a.scene.scene import Joint, Mesh
 
-SHIFT = 0.6
-"""[m] Farthest that an object is moved along each axis."""
-SMALL = 0.6
-"""[m] Objects that are larger than this along any axis stay where they are."""
-AIR = 0.006
-"""[m] Least distance of a moved object from everything but what it stands on."""
-LEVEL = 0.003
-"""[m] Within which an object's whole footprint has to find its support."""
+SHIFT = 0.6  # [m] Farthest that an object is moved along each axis
+SMALL = 0.6  # [m] Objects that are larger than this along any axis stay where they are
+AIR = 0.006  # [m] Least distance of a moved object from everything but what it stands on
+LEVEL = 0.003  # [m] Within which an object's whole footprint has to find its support
 MAX_ATTEMPTS = 60
-SAMPLES = 1500
-"""Points on an object whose surroundings are asked for: one every centimetre or so."""
-SCANNER_AIR = 0.15
-"""[m] A scanner position with less air than this, as before a door that is now open, is left out."""
+SAMPLES = 1500  # Points on an object whose surroundings are asked for: one every centimetre or so
+SCANNER_AIR = 0.15  # [m] A scanner position with less air than this, as before a door that is now open, is left out
 
-STEP = (0.3, 0.8)
-"""[m] How far from its first place the scanner is put up at another visit."""
-RISE = 0.15
-"""[m] How much higher or lower."""
-HEAD_AIR = 0.25
-"""[m] Least distance of a scanner from everything."""
-MAX_TURN = 0.05
-"""[rad] Largest turn of the scene's frame about z between two visits."""
+STEP = (0.3, 0.8)  # [m] How far from its first place the scanner is put up at another visit
+RISE = 0.15  # [m] How much higher or lower
+HEAD_AIR = 0.25  # [m] Least distance of a scanner from everything
+MAX_TURN = 0.05  # [rad] Largest turn of the scene's frame about z between two visits
 
 
 def again(
@@ -208,8 +198,7 @@ def _beside(mesh: RayMesh, place: np.ndarray, rng: np.random.Generator) -> np.nd
 RoomKind = Literal[
     "office", "bedroom", "kitchen", "bathroom", "living_room", "dining_room", "hallway", "laundry", "study", "workshop"
 ]
-GENERATION = "varied"
-"""In what names a room: another way to furnish rooms would take another word."""
+GENERATION = "varied"  # In what names a room: another way to furnish rooms would take another word
 
 
 @dataclass(frozen=True)

@@ -149,11 +149,10 @@ def _allocate(views: list[View], bounds: np.ndarray, config: FusionConfig) -> Fi
     )
 
 
+# Share of the reach by which a vertex lies behind what was measured, on average over the panoramas, from which on it
+# moves less, and not at all: so far behind hang the skirts along the edges of shadows, which no one has measured
 BEHIND = (0.33, 0.66)
-"""Share of the reach by which a vertex lies behind what was measured, on average over the panoramas, from which on it moves
-less, and not at all: so far behind hang the skirts along the edges of shadows, which no one has measured."""
-ALIKE = 0.5
-"""Cosine of the largest angle between a vertex's normal and those of the planes onto which it is drawn."""
+ALIKE = 0.5  # Cosine of the largest angle between a vertex's normal and those of the planes onto which it is drawn
 
 
 @wp.kernel

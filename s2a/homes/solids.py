@@ -14,8 +14,7 @@ from s2a.scene.scene import Joint, Mesh
 Color = tuple[int, int, int]
 Span = tuple[float, float]
 Hole = tuple[float, float, float, float]
-PLAIN, WOOD, FABRIC, TILES = range(4)
-"""How a colour varies over a surface (see `s2a.homes.capture`)."""
+PLAIN, WOOD, FABRIC, TILES = range(4)  # How a colour varies over a surface (see `s2a.homes.capture`)
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ from s2a.homes.fronts import DRAWER, OPEN, Opening, Style, lid, open_box
 from s2a.homes.solids import FABRIC, Color, Piece, at, box, join, lathe
 from s2a.scene.scene import Joint
 
-CAP = (0.016, 0.03)
-"""Thickness of a top board [m]."""
+CAP = (0.016, 0.03)  # Thickness of a top board [m]
 
 
 def _base(rng: np.random.Generator, legs: tuple[float, float] = (0.06, 0.2), things: int = 4) -> Footing:
@@ -130,8 +129,7 @@ def hall_cabinet(rng: np.random.Generator, style: Style) -> Piece:
     return cabinet(rng, "shoe cabinet", size, (Column(1.0, cells),) * count, style, _base(rng, (0.05, 0.15), 3))
 
 
-PLAY = 0.008
-"""Between the tracks, and between doors and cabinet body [m]."""
+PLAY = 0.008  # Between the tracks, and between doors and cabinet body [m]
 
 
 def sliding_wardrobe(rng: np.random.Generator, style: Style) -> Piece:

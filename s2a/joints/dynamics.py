@@ -21,11 +21,11 @@ from s2a.sim.resistance import engaged, held
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 
 
+# Factor of the stage's mass; [N s/m]; dry friction in motion [N]; how much more of it at rest [N]; closing spring
+# [N/m]; of a soft close: the force with which it draws the part in [N], its damping while the part closes [N s/m]
 PARAMETERS = ("mass", "damping", "friction", "breakaway", "spring", "pull_in", "closing")
-"""Factor of the stage's mass; [N s/m]; dry friction in motion [N]; how much more of it at rest [N]; closing spring [N/m]; of a
-soft close: the force with which it draws the part in [N], its damping while the part closes [N s/m]."""
+# How sharply dry friction goes over from what holds a body to what it is in motion; an infinite one is Coulomb's law
 SHARPNESS = wp.constant(6.0)
-"""How sharply dry friction goes over from what holds a body to what it is in motion; an infinite one is Coulomb's law."""
 
 
 @wp.struct
@@ -139,14 +139,12 @@ def correct(
     next_qd[world] = joint_qd[world] + r.gain[world, 1] * missed / lever
 
 
+# Of PARAMETERS: unit of the variables that are searched, but for the mass, whose variable is its logarithm
 TYPICAL = np.array([1.0, 5.0, 2.0, 1.0, 10.0, 5.0, 20.0])
-"""Of PARAMETERS: unit of the variables that are searched, but for the mass, whose variable is its logarithm."""
 LOWER = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 UPPER = np.array([20.0, 200.0, 100.0, 50.0, 500.0, 100.0, 1000.0])
-VAGUE = 0.5
-"""Relative deviation of a mass that tells nothing."""
-NINETY = 1.6449
-"""Standard deviations of a normal distribution on either side of its mean that hold 90 %."""
+VAGUE = 0.5  # Relative deviation of a mass that tells nothing
+NINETY = 1.6449  # Standard deviations of a normal distribution on either side of its mean that hold 90 %
 
 
 @dataclass(frozen=True)
@@ -213,8 +211,7 @@ def write(below: str, part: str, mass: Mass | None, friction: float | None, resi
     save_layer(layer, path)
 
 
-RATE = 120.0
-"""[Hz] Physics steps are no longer than this."""
+RATE = 120.0  # [Hz] Physics steps are no longer than this
 
 
 class JointWorlds:

@@ -18,8 +18,8 @@ from s2a.joints.pull import Noise, Pull, same_step
 from s2a.joints.pulled import Moving
 from s2a.sim.resistance import EDGE
 
+# Points [problem variable] -> values [problem] and gradients [problem variable]
 Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Points [problem variable] -> values [problem] and gradients [problem variable]."""
 
 
 @dataclass(frozen=True)
@@ -78,17 +78,13 @@ def minimize_together(
     return Minima(points, values, done)
 
 
+# [s] Standard deviation of the Gaussian that smooths motion and force alike, which leaves their relation as it is
 SMOOTHED = 0.05
-"""[s] Standard deviation of the Gaussian that smooths motion and force alike, which leaves their relation as it is."""
-REACH = 2.5
-"""Standard deviations around a sample that have to be of the same motion."""
-MOVES = 0.01
-"""[m/s] Slower, dry friction may be anything below its bound."""
+REACH = 2.5  # Standard deviations around a sample that have to be of the same motion
+MOVES = 0.01  # [m/s] Slower, dry friction may be anything below its bound
 ASKED = [PARAMETERS.index(name) for name in ("mass", "damping", "friction", "spring", "pull_in", "closing")]
-SOFT_CLOSE = slice(4, 6)
-"""Of ASKED."""
-TELLS = 2.0
-"""Deviations from 0 from which a soft close is believed."""
+SOFT_CLOSE = slice(4, 6)  # Of ASKED
+TELLS = 2.0  # Deviations from 0 from which a soft close is believed
 
 
 def fit(body: Moving, pulls: Sequence[Pull], force_noise: float) -> Dynamics:
@@ -121,8 +117,8 @@ def fit(body: Moving, pulls: Sequence[Pull], force_noise: float) -> Dynamics:
     return Dynamics(values, deviations, variance / expected)
 
 
+# What ASKED are multiplied with, shape [sample parameter], and the force [N], of each pull
 Samples = list[tuple[np.ndarray, np.ndarray]]
-"""What ASKED are multiplied with, shape [sample parameter], and the force [N], of each pull."""
 
 
 def _solve(samples: Samples, wanted: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, float]:
@@ -177,19 +173,16 @@ def _moving_samples(body: Moving, pull: Pull) -> tuple[np.ndarray, np.ndarray]:
     return columns[moves], smooth(pull.force)[moves]
 
 
+# What a joint need not have: where recordings do not tell, it is none, and the others are fitted without it
 OPTIONAL = np.isin(PARAMETERS, ("breakaway", "pull_in", "closing"))
-"""What a joint need not have: where recordings do not tell, it is none, and the others are fitted without it."""
+# Where the search begins if it ended in a poor minimum from what least squares tell, one after another
 STARTS = np.array(
     [[1.0, 5.0, 2.0, 1.0, 10.0, 0.0, 0.0], [0.4, 2.0, 1.0, 0.2, 2.0, 0.0, 0.0], [3.0, 15.0, 5.0, 1.0, 20.0, 5.0, 40.0]]
 )
-"""Where the search begins if it ended in a poor minimum from what least squares tell, one after another."""
-POOR = 1.5
-"""Misfit from which a minimum is poor."""
+POOR = 1.5  # Misfit from which a minimum is poor
 ROUNDS = 100
-WORSE = 2.0
-"""Of log-likelihood: what a parameter that says nothing may explain by chance."""
-STEP = 0.01
-"""Of the variables, in the differences of gradients by which the curvature is measured."""
+WORSE = 2.0  # Of log-likelihood: what a parameter that says nothing may explain by chance
+STEP = 0.01  # Of the variables, in the differences of gradients by which the curvature is measured
 
 
 def identify(

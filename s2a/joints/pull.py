@@ -24,16 +24,15 @@ from s2a.scene.articulation import displace
 from s2a.scene.usd.sim_stage import GRAVITY
 
 VERSION = "v3."
+# Features of this name are what was measured; `action`, which has the same joints, is what was commanded
 OBSERVED = "observation."
-"""Features of this name are what was measured; `action`, which has the same joints, is what was commanded."""
+# Endings of names by which datasets tell a joint's position from its torque, and what `s2a identify` has in their
+# place
 SUFFIXES = {".pos": "", ".torque": "_torque", ".effort": "_torque"}
-"""Endings of names by which datasets tell a joint's position from its torque, and what `s2a identify` has in their place."""
+# Last words of features whose names are joints, and whose numbers their torques
 TORQUES = ("effort", "efforts", "torque", "torques")
-"""Last words of features whose names are joints, and whose numbers their torques."""
-CHOICE = "data/chunk_index", "data/file_index"
-"""Columns of `meta/episodes`: the file of an episode's frames."""
-Column = tuple[str, int | None]
-"""A feature, and which of its numbers; None: it is one."""
+CHOICE = "data/chunk_index", "data/file_index"  # Columns of `meta/episodes`: the file of an episode's frames
+Column = tuple[str, int | None]  # A feature, and which of its numbers; None: it is one
 
 
 def lerobot_tables(root: Path, columns: Sequence[str], episodes: Sequence[int]) -> Iterator[tuple[str, np.ndarray]]:
@@ -135,11 +134,10 @@ def _read(path: Path, columns: list[str]) -> dict[str, list[Any]]:
         raise InputError(f"{path}: cannot be read ({error}); give the folder of a whole dataset") from error
 
 
+# Of a recording: [s]; path of the grasp point from where it was scanned [m]; force on the part along that path [N],
+# which opens it where it is above 0
 COLUMNS = ("time", "opening", "force")
-"""Of a recording: [s]; path of the grasp point from where it was scanned [m]; force on the part along that path [N], which opens
-it where it is above 0."""
-JITTER = 0.2
-"""Fraction of the mean time between samples by which one of them may differ."""
+JITTER = 0.2  # Fraction of the mean time between samples by which one of them may differ
 
 
 @dataclass(frozen=True)
@@ -282,14 +280,10 @@ class ArmDynamics:
         return wrench
 
 
-SMOOTHED = 0.08
-"""[s] Length of the cubic by which positions are differentiated twice (Savitzky and Golay's filter)."""
-AT_REST = 0.002
-"""[m] As long as the tool has moved less along the part's path, the pull has not begun."""
-BEFORE = 0.3
-"""[s] Of rest before the pull that belong to it."""
-FAR = 0.03
-"""[m] The tool's largest distance from the part's path during a pull; farther, it does not hold the part."""
+SMOOTHED = 0.08  # [s] Length of the cubic by which positions are differentiated twice (Savitzky and Golay's filter)
+AT_REST = 0.002  # [m] As long as the tool has moved less along the part's path, the pull has not begun
+BEFORE = 0.3  # [s] Of rest before the pull that belong to it
+FAR = 0.03  # [m] The tool's largest distance from the part's path during a pull; farther, it does not hold the part
 
 
 @dataclass(frozen=True)

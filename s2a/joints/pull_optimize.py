@@ -19,10 +19,10 @@ from s2a.sim.resistance import engaged
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 
 
-STOP = wp.constant(2.0e4)
-"""[N/m] Of the stop of a closed part."""
+STOP = wp.constant(2.0e4)  # [N/m] Of the stop of a closed part
+# [N s/m^2] Of the same, by its depth (Hunt and Crossley's contact, which begins without a jump): nothing bounces off
+# it
 STOP_DAMPING = wp.constant(1.0e6)
-"""[N s/m^2] Of the same, by its depth (Hunt and Crossley's contact, which begins without a jump): nothing bounces off it."""
 
 
 @wp.struct
@@ -216,18 +216,13 @@ class PullConfig:
 
 
 DEGREE = 3
-NORM = 30.0
-"""The greatest force is the root of the mean of so high a power, which is smooth."""
-SOON = 0.02
-"""[s] In which the end's cost sets in."""
-ARREST = 0.1
-"""[s] A part that closes shall not be faster than its way to shut over this: it slams else."""
+NORM = 30.0  # The greatest force is the root of the mean of so high a power, which is smooth
+SOON = 0.02  # [s] In which the end's cost sets in
+ARREST = 0.1  # [s] A part that closes shall not be faster than its way to shut over this: it slams else
+# Cost of a mean square of 1 by which the set-point exceeds the arm's speed and acceleration, in units of them
 LIMIT = 1.0e3
-"""Cost of a mean square of 1 by which the set-point exceeds the arm's speed and acceleration, in units of them."""
-ROOM = 0.9
-"""Fraction of them that is used: along a bent joint path there are further terms."""
-SAMPLES = 200
-"""Of a spline, where it is looked up."""
+ROOM = 0.9  # Fraction of them that is used: along a bent joint path there are further terms
+SAMPLES = 200  # Of a spline, where it is looked up
 
 
 class PullLoss:

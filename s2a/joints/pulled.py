@@ -18,8 +18,7 @@ from s2a.scene.usd.sim_scene import Mass, SimRoom
 from s2a.scene.usd.sim_stage import GRAVITY
 from s2a.sim.simulation import Simulation
 
-REACH = 0.04
-"""[m] Of a soft close of which nothing is known."""
+REACH = 0.04  # [m] Of a soft close of which nothing is known
 
 
 @dataclass(frozen=True)
@@ -75,8 +74,7 @@ def inertia_tensor(mass: Mass) -> np.ndarray:
     return axes @ np.diag(mass.inertia) @ axes.T
 
 
-STEP = 1e-5
-"""[rad] Of the differences that give a Jacobian."""
+STEP = 1e-5  # [rad] Of the differences that give a Jacobian
 
 
 @dataclass(frozen=True)

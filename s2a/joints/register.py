@@ -37,21 +37,15 @@ from s2a.scan.ply import ScanMesh
 from s2a.scene.articulation import lever_arm, transform
 from s2a.scene.scene import Joint
 
-NEAR = 0.007
-"""[m] A face that moves lies as near to the open scan, once it has moved."""
-ALIKE = 0.6
-"""Cosine between its normal and that of the open scan, at least."""
-STILL = 0.004
-"""[m] A face that is as near to the open scan where it was has not moved."""
-CELL = 0.006
-"""[m] Width of the cells in which the outline of the front is filled."""
-GAP = 4
-"""Cells that are bridged there."""
-NEXT = 0.02
-"""[m] Sides of a front are not farther from its outline."""
+NEAR = 0.007  # [m] A face that moves lies as near to the open scan, once it has moved
+ALIKE = 0.6  # Cosine between its normal and that of the open scan, at least
+STILL = 0.004  # [m] A face that is as near to the open scan where it was has not moved
+CELL = 0.006  # [m] Width of the cells in which the outline of the front is filled
+GAP = 4  # Cells that are bridged there
+NEXT = 0.02  # [m] Sides of a front are not farther from its outline
+# [m] How far what belongs to the part stands before its front; lies behind it within its outline, such as the panes
+# of a window; and behind it on its sides
 BEFORE, SUNK, BEHIND = 0.09, 0.04, 0.07
-"""[m] How far what belongs to the part stands before its front; lies behind it within its outline, such as the panes of a window;
-and behind it on its sides."""
 
 
 def moving_faces(joint: Joint, patch: Patch, closed: OrientedMesh, opened: OrientedMesh) -> np.ndarray:
@@ -90,11 +84,12 @@ def _outline(cells: np.ndarray, marked: np.ndarray) -> np.ndarray:
     return labels == 1 + int(np.argmax(sizes))
 
 
+# Fraction of the open scan that lies on the closed one if both are of one room; 0.90 to 0.95 among virtual pairs
 MIN_OVERLAP = 0.6
-"""Fraction of the open scan that lies on the closed one if both are of one room; 0.90 to 0.95 among virtual pairs."""
 
+# [m] Standard deviation of a whole front's distance between two scans: registration of the panoramas, alignment of
+# the rooms
 OFFSET = 0.001
-"""[m] Standard deviation of a whole front's distance between two scans: registration of the panoramas, alignment of the rooms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,10 +175,9 @@ def difference(closed: OrientedMesh, room: OrientedMesh) -> Scans:
     )
 
 
-REPORT = "register.json"
-"""The file with all figures, by which an earlier output is known."""
+REPORT = "register.json"  # The file with all figures, by which an earlier output is known
+# What a proposed part is called, by the kind of its joint; what it is nobody knows
 NAMES = {"prismatic": "drawer", "revolute": "door"}
-"""What a proposed part is called, by the kind of its joint; what it is nobody knows."""
 
 
 def read(path: Path) -> ScanMesh:

@@ -13,24 +13,22 @@ from s2a.scene.articulation import transform
 from s2a.scene.geometry.planes import across
 from s2a.scene.scene import Joint
 
-ALIKE = 0.75
-"""Cosine between normals from which a match counts."""
-REACHES = (0.025, 0.015, 0.01, 0.006)
-"""[m] Distances beyond which a match counts nothing, from coarse to fine."""
-STEPS = 6
-"""Gauss-Newton steps at each of them."""
-SMALL = 1e-6
-"""[m] or [rad] Step of the central difference."""
+ALIKE = 0.75  # Cosine between normals from which a match counts
+REACHES = (0.025, 0.015, 0.01, 0.006)  # [m] Distances beyond which a match counts nothing, from coarse to fine
+STEPS = 6  # Gauss-Newton steps at each of them
+SMALL = 1e-6  # [m] or [rad] Step of the central difference
+# [m] Standard deviation of the distance between two scans of one surface, as they lie in one frame: of a front, and
+# of what stands across it, handles and edges, which each scan shows from other sides: 1 to 2.5 mm off, all of a
+# handle alike
 NOISE, SIDE_NOISE = 0.002, 0.005
-"""[m] Standard deviation of the distance between two scans of one surface, as they lie in one frame: of a front, and of what
-stands across it, handles and edges, which each scan shows from other sides: 1 to 2.5 mm off, all of a handle alike."""
-FLAT = 0.95
-"""Cosine to the front's normal from which surface is of the front."""
+FLAT = 0.95  # Cosine to the front's normal from which surface is of the front
+# [m] Within which the errors of a scan are one, of fronts and of what stands across them: samples so near tell
+# nothing new
 CORRELATION, SIDE_CORRELATION = 0.05, 0.15
-"""[m] Within which the errors of a scan are one, of fronts and of what stands across them: samples so near tell nothing new."""
+# [rad] Standard deviation of the angle by which a front stands askew to its slide, or its hinge to the front: even
+# gaps, 1 mm over 0.4 m. The shift and the turn of a plain front within its own plane are hardly seen, and with them
+# the axis' direction
 SQUARE = 0.0025
-"""[rad] Standard deviation of the angle by which a front stands askew to its slide, or its hinge to the front: even gaps, 1 mm
-over 0.4 m. The shift and the turn of a plain front within its own plane are hardly seen, and with them the axis' direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,30 +146,21 @@ def _system(
     return rows, np.where(good, residuals, 0.0), weights, flat
 
 
-PARALLEL = np.radians(4.0)
-"""[rad] Patches at a smaller angle are parallel: what is between them is a slide."""
-MIN_SLIDE = 0.04
-"""[m] A slide is longer."""
-MAX_SLIDE = 1.2
-"""[m] And shorter."""
-MAX_TURN = 2.6
-"""[rad] A hinge turns less."""
+PARALLEL = np.radians(4.0)  # [rad] Patches at a smaller angle are parallel: what is between them is a slide
+MIN_SLIDE = 0.04  # [m] A slide is longer
+MAX_SLIDE = 1.2  # [m] And shorter
+MAX_TURN = 2.6  # [rad] A hinge turns less
+# Cosine to the vertical beyond which nothing slides: what seems to is a floor below something that opened over it
 UPRIGHT = 0.9
-"""Cosine to the vertical beyond which nothing slides: what seems to is a floor below something that opened over it."""
-NEAR_AXIS = 0.12
-"""[m] A hinge is not farther from the patch that it turns."""
+NEAR_AXIS = 0.12  # [m] A hinge is not farther from the patch that it turns
+# [m] How far a hinge may lie behind the crossing of both planes, or before it
 SETBACKS = np.arange(-0.06, 0.0601, 0.01)
-"""[m] How far a hinge may lie behind the crossing of both planes, or before it."""
-REACH = 0.025
-"""[m] A moved point explains surface within this distance."""
-START_ALIKE = 0.8
-"""Cosine between normals from which it does."""
-POINTS = 400
-"""Points of a patch that are tried."""
+REACH = 0.025  # [m] A moved point explains surface within this distance
+START_ALIKE = 0.8  # Cosine between normals from which it does
+POINTS = 400  # Points of a patch that are tried
+# Fraction of a patch that a joint has to explain, or MIN_FRONT of it: a drawer's front beside a door's in one plane
 MIN_FRACTION = 0.2
-"""Fraction of a patch that a joint has to explain, or MIN_FRONT of it: a drawer's front beside a door's in one plane."""
-MIN_FRONT = 0.02
-"""[m^2] Smallest front."""
+MIN_FRONT = 0.02  # [m^2] Smallest front
 
 
 @dataclass(frozen=True, eq=False)

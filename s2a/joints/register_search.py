@@ -23,36 +23,24 @@ from s2a.scene.geometry.mesh_query import visible_distance
 from s2a.scene.geometry.planes import across
 from s2a.scene.scene import Joint
 
-HELD = 0.06
-"""[m] What holds a part is not farther from its border, or from its hinge, than this."""
-STEP = 0.02
-"""[m] Distance of the places on the border that are asked."""
-QUANTILE = 0.01
-"""Points of a patch beyond its border."""
-CONE = np.radians(60.0)
-"""[rad] Lines of sight farther from a front's normal than this are not asked."""
-FREE = 0.4
-"""[m] A line of sight that meets nothing for so long comes from the room."""
-FAR = 15.0
-"""[m] Longest line of sight through a room."""
-RAYS, POINTS = 40, 60
-"""Directions and places that are asked."""
-THICK = 0.06
-"""[m] Largest thickness of a front: how much nearer its back may be than its front."""
-OWN = 0.02
-"""[m] A line of sight that ends so near to a part where it stands open is hidden by the part itself."""
-MIN_ASKED = 0.1
-"""Fraction of the lines of sight that the part itself does not hide, at least; fewer say nothing."""
-INSIDE = 0.02
-"""[m] What an opened front shows lies deeper behind it."""
+HELD = 0.06  # [m] What holds a part is not farther from its border, or from its hinge, than this
+STEP = 0.02  # [m] Distance of the places on the border that are asked
+QUANTILE = 0.01  # Points of a patch beyond its border
+CONE = np.radians(60.0)  # [rad] Lines of sight farther from a front's normal than this are not asked
+FREE = 0.4  # [m] A line of sight that meets nothing for so long comes from the room
+FAR = 15.0  # [m] Longest line of sight through a room
+RAYS, POINTS = 40, 60  # Directions and places that are asked
+THICK = 0.06  # [m] Largest thickness of a front: how much nearer its back may be than its front
+OWN = 0.02  # [m] A line of sight that ends so near to a part where it stands open is hidden by the part itself
+MIN_ASKED = 0.1  # Fraction of the lines of sight that the part itself does not hide, at least; fewer say nothing
+INSIDE = 0.02  # [m] What an opened front shows lies deeper behind it
+# Fraction of the lines of sight to a front's old place that are free in the open scan, at least; hidden walls have 0
+# to 0.35
 MIN_GONE = 0.4
-"""Fraction of the lines of sight to a front's old place that are free in the open scan, at least; hidden walls have 0 to 0.35."""
+# Fraction of a front behind which the open scan shows room, at least, where the open part hides its old place
 MIN_INSIDE = 0.1
-"""Fraction of a front behind which the open scan shows room, at least, where the open part hides its old place."""
-LEVEL = 0.97
-"""Cosine to the vertical from which a surface is level."""
-FLOOR = 0.03
-"""[m] The floor is not higher above the height below which a tenth of the level surface lies."""
+LEVEL = 0.97  # Cosine to the vertical from which a surface is level
+FLOOR = 0.03  # [m] The floor is not higher above the height below which a tenth of the level surface lies
 
 
 def outwards(joint: Joint, patch: Patch) -> float:
@@ -200,32 +188,23 @@ def before_room(joint: Joint, patch: Patch, closed: OrientedMesh) -> float:
     return float(np.mean((distance < FAR) & ~behind))
 
 
+# Mean cosine between the front's normal and its first motion, at least: parts open towards whoever stands before them
 MIN_OUTWARDS = 0.5
-"""Mean cosine between the front's normal and its first motion, at least: parts open towards whoever stands before them."""
-MIN_HELD = (0.4, 0.6)
-"""Fraction of a front's border, and of a hinge, that has something near that stands still."""
+MIN_HELD = (0.4, 0.6)  # Fraction of a front's border, and of a hinge, that has something near that stands still
+# Fraction of a slide's front before whose old place nothing is nearer than where it slid to; of a front that has room
+# behind
 MIN_REACHES = 0.5
-"""Fraction of a slide's front before whose old place nothing is nearer than where it slid to; of a front that has room behind."""
-MAX_TILT = 0.01
-"""[rad] Standard deviation of an axis' direction beyond which nothing is proposed."""
-ROOM = 0.1
-"""[m] What belongs to a part lies so near to its front: handles."""
-TIGHT = 0.008
-"""[m] Surface that is explained lies so near."""
+MAX_TILT = 0.01  # [rad] Standard deviation of an axis' direction beyond which nothing is proposed
+ROOM = 0.1  # [m] What belongs to a part lies so near to its front: handles
+TIGHT = 0.008  # [m] Surface that is explained lies so near
+# [m] Shifts of a hinge's axis towards and from the front that are tried, since planes alone do not fix it
 SHIFTS = np.arange(-0.04, 0.0401, 0.005)
-"""[m] Shifts of a hinge's axis towards and from the front that are tried, since planes alone do not fix it."""
-LATERAL = np.arange(-0.015, 0.0151, 0.005)
-"""[m] Sideways errors of a slide's end that are tried."""
-NEXT = 0.15
-"""[m] Patches of one part are not farther from each other."""
-MIN_MEMBER = 0.5
-"""Fraction of a patch that a joint explains if it belongs to the part."""
-FEW, MANY = 800, 8000
-"""Samples for a rough and for a fine fit."""
-MIN_NEW = 0.5
-"""Fraction of what a joint explains that no better one has explained."""
-MIN_EXPLAINED = 0.45
-"""Fraction of the changed surface around a front that its joint explains."""
+LATERAL = np.arange(-0.015, 0.0151, 0.005)  # [m] Sideways errors of a slide's end that are tried
+NEXT = 0.15  # [m] Patches of one part are not farther from each other
+MIN_MEMBER = 0.5  # Fraction of a patch that a joint explains if it belongs to the part
+FEW, MANY = 800, 8000  # Samples for a rough and for a fine fit
+MIN_NEW = 0.5  # Fraction of what a joint explains that no better one has explained
+MIN_EXPLAINED = 0.45  # Fraction of the changed surface around a front that its joint explains
 
 
 @dataclass(frozen=True, eq=False)

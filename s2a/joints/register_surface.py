@@ -84,22 +84,15 @@ def match(cloud: Cloud, surface: OrientedMesh, reach: float) -> Matches:
     return Matches(face, gap.astype(np.float64), offset, normal, alike)
 
 
+# [m] Surface that lies farther from the other scan than this has changed; noise of both is 2 to 3 mm each
 CHANGED = 0.012
-"""[m] Surface that lies farther from the other scan than this has changed; noise of both is 2 to 3 mm each."""
-REACH = 0.3
-"""[m] Distances from the other scan beyond this are all the same."""
-SPACING = 0.013
-"""[m] Mean distance of the samples."""
-FLAT = 0.006
-"""[m] Points of a patch are not farther from its plane."""
-TILT = 0.92
-"""Cosine between a patch's normal and those of its points, at least."""
-CELL = 0.03
-"""[m] Patches with a wider gap between them are two."""
-MIN_AREA = 0.012
-"""[m^2] Smaller patches are none."""
-DRAWS, SEED = 60, 0
-"""Planes that are tried for each patch."""
+REACH = 0.3  # [m] Distances from the other scan beyond this are all the same
+SPACING = 0.013  # [m] Mean distance of the samples
+FLAT = 0.006  # [m] Points of a patch are not farther from its plane
+TILT = 0.92  # Cosine between a patch's normal and those of its points, at least
+CELL = 0.03  # [m] Patches with a wider gap between them are two
+MIN_AREA = 0.012  # [m^2] Smaller patches are none
+DRAWS, SEED = 60, 0  # Planes that are tried for each patch
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,16 +174,12 @@ def connected(cloud: Cloud, min_samples: int) -> list[Patch]:
     return pieces
 
 
-SAMPLES = 15000
-"""Points that are matched in each step."""
+SAMPLES = 15000  # Points that are matched in each step
+# [m] Distances beyond which a match counts nothing, from coarse to fine
 REACHES = (0.5, 0.3, 0.2, 0.1, 0.05, 0.03, 0.015)
-"""[m] Distances beyond which a match counts nothing, from coarse to fine."""
-STEPS = 8
-"""Gauss-Newton steps at each of them."""
-ALIKE = 0.8
-"""Cosine between normals from which a match counts."""
-TURNS = (0.0, -0.15, 0.15)
-"""[rad] Turns about z from which the search starts."""
+STEPS = 8  # Gauss-Newton steps at each of them
+ALIKE = 0.8  # Cosine between normals from which a match counts
+TURNS = (0.0, -0.15, 0.15)  # [rad] Turns about z from which the search starts
 
 
 @dataclass(frozen=True)

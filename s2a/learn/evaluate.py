@@ -20,8 +20,7 @@ from s2a.tasks.soft import COLUMNS, VALUES, SoftMetrics, SoftTrial, run_trial
 from s2a.tasks.state import ERRORS
 
 _log = logging.getLogger(__name__)
-Policy = Callable[[torch.Tensor], torch.Tensor]
-"""Observation [world observation] -> action [world action]."""
+Policy = Callable[[torch.Tensor], torch.Tensor]  # Observation [world observation] -> action [world action]
 
 
 def evaluate(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: None) -> dict[str, Any]:
@@ -83,8 +82,8 @@ def rate(hits: float, episodes: float) -> dict[str, float]:
 
 
 Agent = Literal["zero", "random", "extreme"]
+# [control steps] For which the extreme agent holds an action, by world: noise, pushes of a second, from end to end
 HELD = (1, 60, 240)
-"""[control steps] For which the extreme agent holds an action, by world: noise, pushes of a second, from end to end."""
 
 
 def baseline(agent: Agent, env: VecEnv, seed: int) -> Policy:
@@ -126,8 +125,7 @@ def warn_of_errors(counts: Mapping[str, float], env: VecEnv) -> None:
             _log.warning("%d of %d episodes %s", counts[name], counts["episodes"], causes[name])
 
 
-RESAMPLES = 2000
-"""Of the parts, for an interval."""
+RESAMPLES = 2000  # Of the parts, for an interval
 
 
 def by_part(
@@ -176,10 +174,8 @@ def interval(values: np.ndarray, seed: int) -> dict[str, float]:
     return {"rate": float(values.mean()), "low": float(low), "high": float(high)}
 
 
-STATES_EVERY = 15
-"""Control steps between two states that are kept."""
-SOFT_VERSION = 2
-"""Of the metrics."""
+STATES_EVERY = 15  # Control steps between two states that are kept
+SOFT_VERSION = 2  # Of the metrics
 
 
 class SoftStates:

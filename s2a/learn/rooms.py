@@ -34,11 +34,10 @@ from s2a.tasks import MdpSettings, pool, task
 from s2a.tasks.pool import PoolPart
 
 INDEX = "pool.json"
-CUT_OFF = "cut off"
-"""Reason of a room whose process ended before it could write another."""
+CUT_OFF = "cut off"  # Reason of a room whose process ended before it could write another
 Row = dict[str, Any]
+# The context of a stage, by its name: its seconds go to the room's row, which is stored
 Timed = Callable[[str], contextlib.AbstractContextManager[None]]
-"""The context of a stage, by its name: its seconds go to the room's row, which is stored."""
 
 
 class Settings(Protocol):

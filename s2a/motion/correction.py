@@ -18,19 +18,17 @@ from s2a.scene.articulation import lever_arm, pose_at, transform
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, axis_of
 
-STEPS = 8
-"""Control steps between poses for which inverse kinematics are solved."""
-ITERATIONS, DAMPING = 12, 1e-3
-"""Of the inverse kinematics: starts are within the distances below of their targets."""
+STEPS = 8  # Control steps between poses for which inverse kinematics are solved
+ITERATIONS, DAMPING = 12, 1e-3  # Of the inverse kinematics: starts are within the distances below of their targets
+# Root of the squared errors [m and rad] up to which the arm reaches what corrects a slip or a moved part; else it
+# goes as planned
 REACHED = 5e-3
-"""Root of the squared errors [m and rad] up to which the arm reaches what corrects a slip or a moved part; else it goes as
-planned."""
+# [m, rad] By which an object may be off in the gripper: it may have swung about the pads. What is farther off has
+# fallen
 SLIPPED, SWUNG = 0.05, math.radians(60.0)
-"""[m, rad] By which an object may be off in the gripper: it may have swung about the pads. What is farther off has fallen."""
+# [m, rad] From its start: an object that has rolled farther would be grasped where no collisions were looked for
 ROLLED, TILTED = 0.1, math.radians(40.0)
-"""[m, rad] From its start: an object that has rolled farther would be grasped where no collisions were looked for."""
-PART_OFF = 0.15
-"""[m] By which a handle may be off. What is farther off would need another plan."""
+PART_OFF = 0.15  # [m] By which a handle may be off. What is farther off would need another plan
 
 
 class Worlds(Protocol):

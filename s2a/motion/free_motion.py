@@ -11,12 +11,11 @@ import numpy as np
 from s2a.core.errors import InputError
 from s2a.robot.tool_path import JOINT_TURN, straight
 
-Free = Callable[[np.ndarray], np.ndarray]
-"""Joints [pose arm] -> whether each collides with nothing, shape [pose]."""
+Free = Callable[[np.ndarray], np.ndarray]  # Joints [pose arm] -> whether each collides with nothing, shape [pose]
+# Joint positions that a search may ask about, and its shortening: counted, so that no plan depends on the speed of a
+# machine
 CHECKS, SHORTENING = 6000, 1500
-"""Joint positions that a search may ask about, and its shortening: counted, so that no plan depends on the speed of a machine."""
-EVERY = 4
-"""Of so many joint positions along a line one is asked about first, then all others."""
+EVERY = 4  # Of so many joint positions along a line one is asked about first, then all others
 
 
 def free_motion(

@@ -16,26 +16,22 @@ from s2a.robot.tool_path import matrix
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import SimBody, SimRoom
 
+# Points on the surface that are tried as the first contact; the second number where the first leaves few grasps
 SAMPLES = 250, 2000
-"""Points on the surface that are tried as the first contact; the second number where the first leaves few grasps."""
-ROLLS = 12
-"""Approach directions about each closing axis."""
+ROLLS = 12  # Approach directions about each closing axis
+# Cosine between closing axis and surface normal down to which a contact holds: 18 degrees, half the friction cone of
+# mu 0.7
 CONE = 0.95
-"""Cosine between closing axis and surface normal down to which a contact holds: 18 degrees, half the friction cone of mu 0.7."""
+# [m] How far the object's axis of contact lies behind the tool frame's origin, towards the gripper body
 DEPTHS = (0.0, -0.006, 0.012)
-"""[m] How far the object's axis of contact lies behind the tool frame's origin, towards the gripper body."""
+# Fraction of the pads over which the surface is looked for; they touch what is flat there and as far as they are wide
 PAD = 0.9
-"""Fraction of the pads over which the surface is looked for; they touch what is flat there and as far as they are wide."""
-ROWS = 5
-"""Points of the pads in either direction."""
-RIM = 0.002
-"""[m] Beyond the pads' edges, where nothing should stand out: the arm's error."""
-NEAR = 0.005
-"""[m] Up to which the surface may lie off the pads to be between them at all."""
+ROWS = 5  # Points of the pads in either direction
+RIM = 0.002  # [m] Beyond the pads' edges, where nothing should stand out: the arm's error
+NEAR = 0.005  # [m] Up to which the surface may lie off the pads to be between them at all
+# [m] Of lever arm that weigh as much as a metre of width, and as contact of the whole pads, or a ledge at their edge
 TURNING, FULL = 0.1, 0.15
-"""[m] Of lever arm that weigh as much as a metre of width, and as contact of the whole pads, or a ledge at their edge."""
-SURFACE = 300
-"""Points on the surface that must stay out of the gripper."""
+SURFACE = 300  # Points on the surface that must stay out of the gripper
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,11 @@ import numpy as np
 from s2a.motion.obstacles import Obstacles
 from s2a.robot.spec import GripperSpec
 
-CLEARANCE = 0.004
-"""[m] Between an open finger and the object, and around the gripper."""
-AROUND = 0.002
-"""[m] Around the gripper what it passes must leave free: the arm's error."""
-COARSE = 7
-"""Every so many of the gripper's spheres are looked at first."""
+CLEARANCE = 0.004  # [m] Between an open finger and the object, and around the gripper
+AROUND = 0.002  # [m] Around the gripper what it passes must leave free: the arm's error
+COARSE = 7  # Every so many of the gripper's spheres are looked at first
+# [m] From the object on either side to which the fingers open: fully open, they would meet what stands beside it
 SPREAD = 0.012
-"""[m] From the object on either side to which the fingers open: fully open, they would meet what stands beside it."""
 
 
 @dataclass(frozen=True)
@@ -170,14 +167,16 @@ class Contact:
     body_gap: float = 0.0  # least distance of the gripper's body from the object [m], where more than to be clear of it
 
 
+# 5 degrees over half a pad, and a rod of 8 mm. With twice as much a perfume bottle turned by 20 degrees in the
+# gripper
 FIRM = Contact(0.0007, 0.3, 0.003)
-"""5 degrees over half a pad, and a rod of 8 mm. With twice as much a perfume bottle turned by 20 degrees in the gripper."""
+# A doll's head, a lamp, a tube: their sides recede too much to be FIRM, and what holds lies nearer to one edge of the
+# pads. They may turn in the gripper, as the perfume bottle did; it is that or no plan
 SLOPING = replace(FIRM, flat=0.0014, centered=0.005)
-"""A doll's head, a lamp, a tube: their sides recede too much to be FIRM, and what holds lies nearer to one edge of the pads. They
-may turn in the gripper, as the perfume bottle did; it is that or no plan."""
+# For a soft body, whose vertices pads meet, the best first. With 12 mm of lever arm a bear turned by 45 degrees when
+# lifted; by half of the pads it was squeezed out on its way, 8 mm in 10 s; its head, 2 mm from the gripper's body,
+# bulged against that
 HANGING = tuple(
     replace(FIRM, held=held, lever=0.008, body_gap=body_gap)
     for held, body_gap in ((0.9, 0.012), (0.7, 0.006), (0.7, 0.0))
 )
-"""For a soft body, whose vertices pads meet, the best first. With 12 mm of lever arm a bear turned by 45 degrees when lifted; by
-half of the pads it was squeezed out on its way, 8 mm in 10 s; its head, 2 mm from the gripper's body, bulged against that."""

@@ -22,17 +22,13 @@ from s2a.scene.geometry.mesh_query import (
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
 
-RADIUS = 2.0
-"""[m] About a place: what is farther away is out of every arm's reach."""
-INSIDE = 0.3
-"""[m] Up to which depth a center within a solid is noticed."""
+RADIUS = 2.0  # [m] About a place: what is farther away is out of every arm's reach
+INSIDE = 0.3  # [m] Up to which depth a center within a solid is noticed
+# [m] Between points on a body's surface at least, and how many there are, about, on a large one
 FINEST, MOST = 0.015, 120
-"""[m] Between points on a body's surface at least, and how many there are, about, on a large one."""
-COVERED = 1e-3
-"""[m] Deeper within one of its hulls no point is needed."""
+COVERED = 1e-3  # [m] Deeper within one of its hulls no point is needed
 
-Named = tuple[str, Mesh]
-"""Id of the part that a mesh belongs to, and the mesh in the scene frame."""
+Named = tuple[str, Mesh]  # Id of the part that a mesh belongs to, and the mesh in the scene frame
 
 
 class Obstacles:

@@ -29,25 +29,20 @@ from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 
 _log = logging.getLogger(__name__)
-Skill = Callable[[SimStage, PathSettings], ToolPath]
-"""A task's tool path in a stage: `Task.tool_path` of its settings."""
-PATHS = 16
-"""Joint paths from a given base that are checked."""
+Skill = Callable[[SimStage, PathSettings], ToolPath]  # A task's tool path in a stage: `Task.tool_path` of its settings
+PATHS = 16  # Joint paths from a given base that are checked
+# [m] That searches for a motion to the point of approach keep, less SLACK, each of its own seed, until one is found:
+# the arm lags behind the motion and cuts its corners, by 25 mm before an open door
 CLEARANCES = 0.025, 0.01, 0.0, 0.0
-"""[m] That searches for a motion to the point of approach keep, less SLACK, each of its own seed, until one is found: the arm
-lags behind the motion and cuts its corners, by 25 mm before an open door."""
+# [m] Between a finger and the handle, whose hull may bulge by so much, where an episode starts in the grip
 MARGIN = 0.002
-"""[m] Between a finger and the handle, whose hull may bulge by so much, where an episode starts in the grip."""
-SAME_GOAL = 1e-3
-"""[m] By which the goal of a pull law may be off the end of the path."""
-GRAVITY = 9.81
-"""[m/s^2]"""
-TURN = math.radians(0.5)
-"""[rad] Between coordinates at which the weight's moment is looked at."""
+SAME_GOAL = 1e-3  # [m] By which the goal of a pull law may be off the end of the path
+GRAVITY = 9.81  # [m/s^2]
+TURN = math.radians(0.5)  # [rad] Between coordinates at which the weight's moment is looked at
+# Fractions of `planner.approach` by which the gripper comes straight to the handle, and draws back from it, and of
+# `planner.opening`, tried in this order: bases are for opening what is shut, and an open part may be too near to the
+# robot for all of it
 LET_GO = ((1.0, 1.0, 1.0), (1.0, 0.5, 1.0), (1.0, 0.5, 0.8), (0.5, 0.5, 1.0), (1.0, 0.0, 1.0), (0.5, 0.0, 1.0))
-"""Fractions of `planner.approach` by which the gripper comes straight to the handle, and draws back from it, and of
-`planner.opening`, tried in this order: bases are for opening what is shut, and an open part may be too near to the robot for
-all of it."""
 
 
 def opening_path(stage: SimStage, motion: PathSettings, config: object = None) -> ToolPath:  # noqa: ARG001

@@ -22,19 +22,14 @@ from s2a.scene.geometry.mesh_ops import merge, normals
 from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 from s2a.sim.world import SimStage
 
-PRESS = 0.003
-"""[m] By which the gripper is led into the face: the arm lags, and presses by so much."""
-FAR = (0.9, 0.75, 0.6, 0.45)
-"""Where on the face it pushes, as fractions of its extent from the hinge on."""
-ALONG = (0.5, 0.3, 0.7, 0.1, 0.9)
-"""Likewise along the hinge."""
+PRESS = 0.003  # [m] By which the gripper is led into the face: the arm lags, and presses by so much
+FAR = (0.9, 0.75, 0.6, 0.45)  # Where on the face it pushes, as fractions of its extent from the hinge on
+ALONG = (0.5, 0.3, 0.7, 0.1, 0.9)  # Likewise along the hinge
+# [degree] Between the gripper and the normal of the face, where it does not come along that. Flatter ones would push
+# with the gripper body, beside the wrist: an oven's lid was not lifted so
 TILTS = (35.0, 60.0)
-"""[degree] Between the gripper and the normal of the face, where it does not come along that. Flatter ones would push with
-the gripper body, beside the wrist: an oven's lid was not lifted so."""
-FACING = 0.7
-"""Cosine of the angle between the normal of the face and the direction in which it opens, at least."""
-BEFORE = 0.5
-"""[m] Before the handle, from where the face is looked for."""
+FACING = 0.7  # Cosine of the angle between the normal of the face and the direction in which it opens, at least
+BEFORE = 0.5  # [m] Before the handle, from where the face is looked for
 
 
 def clear_pushes(
@@ -127,16 +122,11 @@ def _touching(spot: np.ndarray, frame: np.ndarray, normal: np.ndarray, gripper: 
     return np.array([*(spot - PRESS * normal - foremost), *Rotation.from_matrix(frame).as_quat()])
 
 
-BRANCHES, AT_ONCE = 4, 24
-"""Joint paths that are looked at from each base, and bases that are tried together."""
-PEDESTALS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""[m] Heights of what the robot may stand on; as `s2a prepare` has them."""
-BENT = 12
-"""Bases for which a motion around what is in the way is searched, where from none the straight line is free."""
-STOPS = 5
-"""Coordinates of the part at which the base must be clear of it."""
-PUSHES = 24
-"""Pushes with the gripper clear for which a base is searched."""
+BRANCHES, AT_ONCE = 4, 24  # Joint paths that are looked at from each base, and bases that are tried together
+PEDESTALS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # [m] Heights of what the robot may stand on; as `s2a prepare` has them
+BENT = 12  # Bases for which a motion around what is in the way is searched, where from none the straight line is free
+STOPS = 5  # Coordinates of the part at which the base must be clear of it
+PUSHES = 24  # Pushes with the gripper clear for which a base is searched
 
 
 def ready_to_move(

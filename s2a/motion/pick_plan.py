@@ -19,30 +19,22 @@ from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import matrix
 from s2a.scene.usd.sim_scene import SimRoom
 
-LIFT = 0.08
-"""[m] Straight path after the grasp, and above the place."""
-STEP = 0.02
-"""[m] Between poses of a straight path."""
-DROP = 0.001
-"""[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""
-GRASPS, BASES, PAIRS = 16, 24, 96
-"""Grasps and bases that are tried, and pairs of both that are planned to the end."""
-BLOCK = 256
-"""Grasps that are looked at together."""
-ENOUGH = 8
-"""Grasps of different directions from which no more are looked for."""
+LIFT = 0.08  # [m] Straight path after the grasp, and above the place
+STEP = 0.02  # [m] Between poses of a straight path
+DROP = 0.001  # [m] Above the planned place the fingers open, so that the object is not pressed onto its support
+GRASPS, BASES, PAIRS = 16, 24, 96  # Grasps and bases that are tried, and pairs of both that are planned to the end
+BLOCK = 256  # Grasps that are looked at together
+ENOUGH = 8  # Grasps of different directions from which no more are looked for
+# [m] More than needed, by which arm and held object keep from the room where that can be done: an arm lags behind its
+# motion and cuts its corners, by 2 cm before a mirror cabinet, and an object that has slipped by a few millimetres
+# met what it was to pass
 WIDE = 0.02, 0.01
-"""[m] More than needed, by which arm and held object keep from the room where that can be done: an arm lags behind its motion and
-cuts its corners, by 2 cm before a mirror cabinet, and an object that has slipped by a few millimetres met what it was to pass."""
-BRANCHES = 3
-"""Branches of the inverse kinematics that are tried for each straight path."""
+BRANCHES = 3  # Branches of the inverse kinematics that are tried for each straight path
+# [rad] Turn of a joint between start and place from which a plan comes last: held objects slip on the long way. And
+# blocks of pairs that are looked at for a shorter way
 FAR, MORE = 1.6, 2
-"""[rad] Turn of a joint between start and place from which a plan comes last: held objects slip on the long way. And blocks of
-pairs that are looked at for a shorter way."""
-AT_ONCE = 8
-"""Pairs whose inverse kinematics are solved together."""
-Fits = Callable[[list[Stand]], list[Stand]]
-"""Bases -> those of them that will do."""
+AT_ONCE = 8  # Pairs whose inverse kinematics are solved together
+Fits = Callable[[list[Stand]], list[Stand]]  # Bases -> those of them that will do
 
 
 @dataclass(frozen=True)

@@ -27,29 +27,23 @@ from s2a.scene.usd.sim_scene import SimRoom
 
 Ends = TypeVar("Ends")
 Plan = TypeVar("Plan")
-GRID = 0.04
-"""[m] Between the spots that are tried on a support."""
+GRID = 0.04  # [m] Between the spots that are tried on a support
+# [m] Up to which a support's height may differ below an object; half over an edge of 4 mm, a wine glass falls over
 LEVEL = 0.0015
-"""[m] Up to which a support's height may differ below an object; half over an edge of 4 mm, a wine glass falls over."""
-FOOT = 0.01
-"""[m] Above an object's lowest point, up to which it stands on its support."""
-APART = 0.15
-"""[m] Least distance of a free spot from where the object stands."""
+FOOT = 0.01  # [m] Above an object's lowest point, up to which it stands on its support
+APART = 0.15  # [m] Least distance of a free spot from where the object stands
+# [m] Between an object on a free spot and everything beside it: room for the gripper from all sides; else half of its
+# width; else an open finger with its clearance, and the arm's error; else what keeps it from touching, for a grasp
+# from above
 MARGINS = 0.16, 0.08, 0.04, 0.015
-"""[m] Between an object on a free spot and everything beside it: room for the gripper from all sides; else half of its width;
-else an open finger with its clearance, and the arm's error; else what keeps it from touching, for a grasp from above."""
-NEARBY = 0.7
-"""[m] From the other end of the motion, up to which spots come first, however little room is around them."""
-FAR = 0.9
-"""[m] Between both ends, seen from above, at most: an arm of 0.855 m stands between them."""
-HIGH = 1.2
-"""[m] Between the heights of both ends, at most, likewise."""
+NEARBY = 0.7  # [m] From the other end of the motion, up to which spots come first, however little room is around them
+FAR = 0.9  # [m] Between both ends, seen from above, at most: an arm of 0.855 m stands between them
+HIGH = 1.2  # [m] Between the heights of both ends, at most, likewise
+# Free places that a task plans for, one after the other, until there is a plan; and of them on one of several
+# supports
 CANDIDATES, OF_ONE = 6, 3
-"""Free places that a task plans for, one after the other, until there is a plan; and of them on one of several supports."""
-NEAR = "nearby"
-"""Stands for free places of what carries the object at the other end, and of what is near that."""
-GAP = 0.001
-"""[m] Between an object and its support where it is put down."""
+NEAR = "nearby"  # Stands for free places of what carries the object at the other end, and of what is near that
+GAP = 0.001  # [m] Between an object and its support where it is put down
 
 
 def free_object(room: SimRoom, name: str | None) -> str:
@@ -259,16 +253,12 @@ def first_planned(
     raise first
 
 
+# [m] Between an object in a part and the part's walls: an open finger with its clearance, and the arm's error
 BESIDE = 0.03
-"""[m] Between an object in a part and the part's walls: an open finger with its clearance, and the arm's error."""
-ABOVE = 0.002
-"""[m] Between an object in a part, its corners too, and what the part passes as it is shut."""
-NEAR_FLOOR = 0.01
-"""[m] Above an object's lowest point: so far down, what is below the part's floor is near."""
-LOW = 0.01
-"""[m] Above the floor, at which the walls are looked for."""
-STOPS = 15
-"""Coordinates of the joint at which an object in the part is looked at as the part is shut."""
+ABOVE = 0.002  # [m] Between an object in a part, its corners too, and what the part passes as it is shut
+NEAR_FLOOR = 0.01  # [m] Above an object's lowest point: so far down, what is below the part's floor is near
+LOW = 0.01  # [m] Above the floor, at which the walls are looked for
+STOPS = 15  # Coordinates of the joint at which an object in the part is looked at as the part is shut
 
 
 @dataclass(frozen=True)

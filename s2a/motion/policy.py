@@ -37,15 +37,14 @@ from s2a.robot.spec import JointLimits
 from s2a.sim.simulation import Simulation
 
 _log = logging.getLogger(__name__)
-BEHIND = 3.0
-"""Steps at full velocity that a joint target may be behind the trajectory before the planner waits for it."""
+BEHIND = 3.0  # Steps at full velocity that a joint target may be behind the trajectory before the planner waits for it
+# Of a planner that teaches: who sees the trajectory in no other way than by the room cannot learn to be on it within
+# a step (0.007 rad). At a gain of 1 nearly all of the actions to imitate are at their limits
 TEACHING_GAIN, TEACHING_BEHIND = 1 / 30, 10.0
-"""Of a planner that teaches: who sees the trajectory in no other way than by the room cannot learn to be on it within a step
-(0.007 rad). At a gain of 1 nearly all of the actions to imitate are at their limits."""
 
 
+# Steps of the trajectory, shape [world] -> what is added to the arm's targets there, shape [world arm]
 Adding = Callable[[torch.Tensor], torch.Tensor | float]
-"""Steps of the trajectory, shape [world] -> what is added to the arm's targets there, shape [world arm]."""
 
 
 class Pace:

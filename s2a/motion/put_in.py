@@ -31,12 +31,9 @@ from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, SimRoom
 from s2a.sim.room import Workspace
 from s2a.sim.simulation import Simulation
 
-PLACEMENTS = 4
-"""Places in the part that are tried."""
-PLACEMENT_STRIDE = 3
-"""Of the places, which lie 2 cm apart, every third is tried."""
-BRANCHES = 4
-"""Joint paths to the handle that are tried from each base."""
+PLACEMENTS = 4  # Places in the part that are tried
+PLACEMENT_STRIDE = 3  # Of the places, which lie 2 cm apart, every third is tried
+BRANCHES = 4  # Joint paths to the handle that are tried from each base
 
 
 @dataclass(frozen=True)

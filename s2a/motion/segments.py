@@ -11,10 +11,8 @@ import numpy as np
 from s2a.motion.trajectory import USED, Anchor, Progress, Retry, Trajectory, closing, eased, reach_steps, sampled, timed
 from s2a.robot.spec import GripperSpec, JointLimits, RobotSpec
 
-SETTLE = 0.7
-"""[s] Between two segments: the arm's controller lags by 0.2 s."""
-SPEED = 0.6
-"""[rad] Of all joints together that the arm moves in a second between two straight paths."""
+SETTLE = 0.7  # [s] Between two segments: the arm's controller lags by 0.2 s
+SPEED = 0.6  # [rad] Of all joints together that the arm moves in a second between two straight paths
 
 
 @dataclass(frozen=True)

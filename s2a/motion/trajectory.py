@@ -16,8 +16,8 @@ from s2a.core.bounds import Count, CountFromZero, NotNegative, Positive
 from s2a.core.errors import InputError
 from s2a.robot.spec import GripperSpec, JointLimits
 
+# [m] Length of the straight path to a grasp: of the search for a base, the grasp-hold test and the planner
 STRAIGHT_APPROACH = 0.10
-"""[m] Length of the straight path to a grasp: of the search for a base, the grasp-hold test and the planner."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,14 +52,11 @@ class PlannerConfig:
     seed: CountFromZero
 
 
+# Time from 0 to 1 -> how far along a path, 1 at its end; beyond it where above
 Progress = Callable[[np.ndarray], np.ndarray]
-"""Time from 0 to 1 -> how far along a path, 1 at its end; beyond it where above."""
-USED = 0.8
-"""Largest fraction of a limit that is planned with; the rest is for the controller."""
-EASE = 0.25
-"""Fraction of a motion's time in which it gains speed, and in which it loses it."""
-RAMP = 0.1
-"""[s] In which the fingers reach their speed, and stop."""
+USED = 0.8  # Largest fraction of a limit that is planned with; the rest is for the controller
+EASE = 0.25  # Fraction of a motion's time in which it gains speed, and in which it loses it
+RAMP = 0.1  # [s] In which the fingers reach their speed, and stop
 
 
 @dataclass(frozen=True)

@@ -24,14 +24,12 @@ from s2a.scene.geometry.convex import column, overlap
 from s2a.scene.scene import Mesh, Scene, Vec3
 from s2a.scene.usd.sim_scene import Grasp, Quat
 
+# Places with a free start from which the reach is computed at once, and places that are looked at last
 AT_ONCE, CHUNK = 8, 24
-"""Places with a free start from which the reach is computed at once, and places that are looked at last."""
-STUCK = 1.0
-"""Depth [m] that stands for a place where the base cannot stand."""
+STUCK = 1.0  # Depth [m] that stands for a place where the base cannot stand
+# [s] In which every joint, at full speed, has to turn from home to the path: an episode has to have time for the rest
 MAX_REACH_TIME = 2.0
-"""[s] In which every joint, at full speed, has to turn from home to the path: an episode has to have time for the rest."""
-TRIED = 8
-"""Number of joint paths that are checked: those that begin nearest to home."""
+TRIED = 8  # Number of joint paths that are checked: those that begin nearest to home
 ASSUMED_FLOOR = "the scan has a hole there, amid floor at this height; make sure that no step and no stairs are there"
 
 

@@ -21,10 +21,11 @@ from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
 from s2a.scene.scene import Mesh, Scene, pack, unpack
 from s2a.scene.usd.sim_scene import Collider, Mass, SimBody
 
+# [m] How far inside of its foot an object's centre of mass lies at least; less than half the foot's thickness
 STABLE = 0.001
-"""[m] How far inside of its foot an object's centre of mass lies at least; less than half the foot's thickness."""
+# Half the angle [rad] in which a foot lies, seen from the centre of mass; its inner end as a fraction of its outer
+# one
 WEDGE, INNER = np.radians(25), 0.5
-"""Half the angle [rad] in which a foot lies, seen from the centre of mass; its inner end as a fraction of its outer one."""
 
 
 def whole_foot(solid: Mesh, ground: float, center: np.ndarray, thickness: float, max_vertices: int) -> Mesh:
@@ -75,12 +76,10 @@ def split_foot(foot: Mesh, center: np.ndarray) -> list[Mesh]:
     return hulls
 
 
-HOLLOW, FULL = 0.1, 1.0
-"""Shares of its convex hull that the volume of a sound solid lies between."""
+HOLLOW, FULL = 0.1, 1.0  # Shares of its convex hull that the volume of a sound solid lies between
+# Fraction of a surface that noise may have put below it. Not of its vertices, which are few where a surface is flat
 OUTLIERS = 0.005
-"""Fraction of a surface that noise may have put below it. Not of its vertices, which are few where a surface is flat."""
-RAYS = 24
-"""Of those that look for a support, along either side of an object."""
+RAYS = 24  # Of those that look for a support, along either side of an object
 
 
 @dataclass(frozen=True, kw_only=True)

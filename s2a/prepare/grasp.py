@@ -25,22 +25,15 @@ from s2a.scene.geometry.simplify import is_structure
 from s2a.scene.scene import Joint, Mesh, Scene, Vec3, problems
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Grasp, Quat
 
-ROUND = 1.5
-"""A grasp region whose section is less elongated than this can be held at any gripper roll."""
+ROUND = 1.5  # A grasp region whose section is less elongated than this can be held at any gripper roll
+# [degrees] Rolls about the approach, the preferred one first: the fingers close along the vertical
 TURNS = (0, 90, 45, -45)
-"""[degrees] Rolls about the approach, the preferred one first: the fingers close along the vertical."""
-SEARCH_RADIUS = 0.4
-"""[m] Radius of the gripper around the grasp in plan."""
-BETTER = 0.005
-"""[m] Another roll or side has to penetrate the room by so much less: scans are rough."""
-SLICES = 12
-"""Places along a bar at which its thickness is measured."""
-ROOM = 0.003
-"""[m] Between closed fingers and the walls of a pocket on either side: a scan's are off by so much."""
-OFF_FLOOR = 0.0015
-"""[m] Between the fingertips and a pocket's floor."""
-FLOOR = ("floor", "floors")
-"""Last words of a label that make it the floor's."""
+SEARCH_RADIUS = 0.4  # [m] Radius of the gripper around the grasp in plan
+BETTER = 0.005  # [m] Another roll or side has to penetrate the room by so much less: scans are rough
+SLICES = 12  # Places along a bar at which its thickness is measured
+ROOM = 0.003  # [m] Between closed fingers and the walls of a pocket on either side: a scan's are off by so much
+OFF_FLOOR = 0.0015  # [m] Between the fingertips and a pocket's floor
+FLOOR = ("floor", "floors")  # Last words of a label that make it the floor's
 
 
 def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None, approach: float = STRAIGHT_APPROACH) -> Grasp:

@@ -19,24 +19,17 @@ from s2a.scene.geometry.planes import plane_axes
 from s2a.scene.scene import Joint, Mesh, Scene
 from s2a.scene.usd.sim_scene import Mass
 
-WALL = 0.006
-"""[m] Thickness of a drawer box's sides and bottom."""
-INSET = 0.015
-"""[m] How far its sides stay behind the edges of the front: the slides lie there."""
-FRONT = 0.02
-"""[m] Thickness of the front, behind which the box begins."""
-HEIGHT = 0.7
-"""Height of the box as a share of the front's."""
-SHALLOWEST = 0.05
-"""[m] A box that is less deep is not worth adding."""
+WALL = 0.006  # [m] Thickness of a drawer box's sides and bottom
+INSET = 0.015  # [m] How far its sides stay behind the edges of the front: the slides lie there
+FRONT = 0.02  # [m] Thickness of the front, behind which the box begins
+HEIGHT = 0.7  # Height of the box as a share of the front's
+SHALLOWEST = 0.05  # [m] A box that is less deep is not worth adding
+# [m] What is less deep is the frame of a door or window; what is deeper is no plain box but an L of cabinets, or a
+# table
 FLATTEST, DEEPEST_FRONT = 0.2, 0.8
-"""[m] What is less deep is the frame of a door or window; what is deeper is no plain box but an L of cabinets, or a table."""
-NEAR = 0.02
-"""[m] A wall counts as scanned, and an end of the furniture as seen, where its surface is so near."""
-SEEN = 0.5
-"""Share of a wall above which it was scanned, and of an end's length below which there is none."""
-CELL = 0.05
-"""[m] Grain in which both are counted."""
+NEAR = 0.02  # [m] A wall counts as scanned, and an end of the furniture as seen, where its surface is so near
+SEEN = 0.5  # Share of a wall above which it was scanned, and of an end's length below which there is none
+CELL = 0.05  # [m] Grain in which both are counted
 
 
 def drawer_box(target: Target) -> list[Mesh]:
@@ -112,8 +105,7 @@ def _filled(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
     return len(np.unique(cells, axis=0)) / float(shape.prod()) if len(points) else 0.0
 
 
-DEEPEST = 0.8
-"""[m] Drawers are less deep, however far they slide."""
+DEEPEST = 0.8  # [m] Drawers are less deep, however far they slide
 
 
 @dataclass(frozen=True)

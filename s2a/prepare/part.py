@@ -25,8 +25,7 @@ from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh, Scene, pack, unpack
 from s2a.scene.usd.sim_scene import Collider, Grasp
 
-FEW = 3
-"""So many parts are done sooner than a second process has started."""
+FEW = 3  # So many parts are done sooner than a second process has started
 
 
 @dataclass(frozen=True)
@@ -53,8 +52,7 @@ class PartResult:
     base: BasePose  # where the robot stands
 
 
-Asked = tuple[str, tuple[str, ...]]
-"""An articulated part, and the parts of its body."""
+Asked = tuple[str, tuple[str, ...]]  # An articulated part, and the parts of its body
 
 
 def part_results(
@@ -157,10 +155,9 @@ def _facts(scene: Scene) -> str:
 
 _log = logging.getLogger(__name__)
 
-ALL = "all"
-"""Stands for every articulated part of a room."""
+ALL = "all"  # Stands for every articulated part of a room
+# [m] No scan of rooms is longer; in centimetres or inches every room is, and would be cut into millions of cells
 MAX_LENGTH = 100.0
-"""[m] No scan of rooms is longer; in centimetres or inches every room is, and would be cut into millions of cells."""
 
 
 def refuse_other_units(scene: Scene) -> None:
@@ -174,8 +171,7 @@ def refuse_other_units(scene: Scene) -> None:
         )
 
 
-Ahead = Callable[[Sequence[str]], object]
-"""Work that can be done beside that on the parts with these ids."""
+Ahead = Callable[[Sequence[str]], object]  # Work that can be done beside that on the parts with these ids
 
 
 def selected_parts(

@@ -50,8 +50,7 @@ from s2a.scene.geometry.sheet import before_wall, hidden_wall, sheet_hulls, shee
 from s2a.scene.scene import Joint, Mesh, Scene, pack, unpack
 from s2a.scene.usd.sim_scene import Collider, Mass, SimBody
 
-BLOCKED = 2e-4
-"""[m] A hull that reaches into the finger gap by a smaller ball than this leaves it free."""
+BLOCKED = 2e-4  # [m] A hull that reaches into the finger gap by a smaller ball than this leaves it free
 
 
 @dataclass(frozen=True)
@@ -220,12 +219,12 @@ def free_fingers(hulls: Iterable[Mesh], space: FingerSpace) -> list[Mesh]:
     return free
 
 
+# [m] Hulls that overlap by less touch at most; float32 points of a room are exact to 1e-6. A door whose edge lies 0.1
+# mm in a neighbour does not open
 MAX_CONTACT_DEPTH = 1e-5
-"""[m] Hulls that overlap by less touch at most; float32 points of a room are exact to 1e-6. A door whose
-edge lies 0.1 mm in a neighbour does not open."""
+# [m] Gap below which neighbours count as overlapping: no scan resolves it. Fronts that were cut along one border
+# touch all over, and twelve contacts without depth hold a drawer against a pull of 15 N
 TOUCHING = 2e-4
-"""[m] Gap below which neighbours count as overlapping: no scan resolves it. Fronts that were cut along one border touch all over,
-and twelve contacts without depth hold a drawer against a pull of 15 N."""
 
 
 def filtered_pairs(
@@ -260,8 +259,8 @@ def _bounds(meshes: Sequence[Mesh]) -> np.ndarray:
     return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
 
+# [m] On either side of the gripper's body that stays free: the arm's error, and that of a handle's axis
 BODY_MARGIN = 0.01
-"""[m] On either side of the gripper's body that stays free: the arm's error, and that of a handle's axis."""
 
 
 @dataclass(frozen=True, kw_only=True)

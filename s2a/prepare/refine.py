@@ -19,10 +19,10 @@ from s2a.scene.articulation import opening_sign
 from s2a.scene.scene import Joint, Scene
 from s2a.scene.usd.joints import Refinement
 
-STEPS = 50
-"""Fractions of a move that are tried."""
+STEPS = 50  # Fractions of a move that are tried
+# Where the true axis may be, in standard deviations of two directions, shape [place 2]; evenly spread (Roberts' R2
+# sequence)
 PRIOR_PLACES = norm.ppf((0.5 + np.outer(np.arange(4096), (0.7548776662, 0.5698402910))) % 1.0)
-"""Where the true axis may be, in standard deviations of two directions, shape [place 2]; evenly spread (Roberts' R2 sequence)."""
 
 
 def dared(move: np.ndarray, sigma: np.ndarray, worse: float, regret: float) -> float:
@@ -40,14 +40,13 @@ def dared(move: np.ndarray, sigma: np.ndarray, worse: float, regret: float) -> f
     return float(fractions[np.argmin((1.0 - fractions) ** 2 * (move @ move) + regret**2 * harm)])
 
 
-ENOUGH = 6
-"""Known directions from which a room tells its annotator's errors."""
+ENOUGH = 6  # Known directions from which a room tells its annotator's errors
+# [rad] Smallest and largest standard deviation that an annotator is taken to have
 CAREFUL, HASTY = math.radians(0.15), math.radians(3.0)
-"""[rad] Smallest and largest standard deviation that an annotator is taken to have."""
 TILTS = ("axis in the front's plane", "axis out of the front's plane")
 LEVELS = ("axis sideways", "axis up and down")
+# Names of the parameters: of an axis in a front's plane, of another, and of a hinge line
 PLACES = ("line in the front's plane", "line's depth")
-"""Names of the parameters: of an axis in a front's plane, of another, and of a hinge line."""
 
 
 @dataclass(frozen=True)

@@ -11,30 +11,20 @@ from s2a.scan.evidence.surface import ScanSurface, moved_parts
 from s2a.scene.geometry.mesh_ops import centroids, normals, sample_with_faces
 from s2a.scene.scene import Mesh
 
-CELL = 0.05
-"""[m] Largest width of the cells whose mean heights are fitted, unless there would be more than MOST."""
-MIN_CELL = 0.015
-"""[m] Smallest one."""
-MOST = 150
-"""Cells in a front's rectangle; larger fronts get wider cells."""
-DENSITY, FEWEST, LARGEST = 25_000.0, 2_000, 60_000
-"""Points that stand for a surface: per m^2, at least, at most."""
+CELL = 0.05  # [m] Largest width of the cells whose mean heights are fitted, unless there would be more than MOST
+MIN_CELL = 0.015  # [m] Smallest one
+MOST = 150  # Cells in a front's rectangle; larger fronts get wider cells
+DENSITY, FEWEST, LARGEST = 25_000.0, 2_000, 60_000  # Points that stand for a surface: per m^2, at least, at most
+# [m] So much of a front's border is left out: a voxel (`conf/detail/demo.yaml`: 6 mm) rounds the edge off, and
+# annotated borders are ragged by 2.5 mm. Between 3 and 12 mm it matters little (0.125 to 0.137 degrees up and down,
+# root mean square, of the fronts of docs/refinement.md's first row); with the border it is 0.16
 PLANE_BORDER = 0.008
-"""[m] So much of a front's border is left out: a voxel (`conf/detail/demo.yaml`: 6 mm) rounds the edge off, and annotated borders
-are ragged by 2.5 mm. Between 3 and 12 mm it matters little (0.125 to 0.137 degrees up and down, root mean square, of the fronts
-of docs/refinement.md's first row); with the border it is 0.16."""
-FILLED = 0.2
-"""Cells of which less is seen do not count."""
-OFF = 2.5
-"""Times the cells' scatter; what is farther off is no noise but a moulding or a handle."""
-MIN_SCATTER = 0.0004
-"""[m] A cell's height is not known better, however well the cells of a small front agree."""
-WORTH = 3
-"""Residuals that MIN_SCATTER is worth."""
-LENGTHS = np.geomspace(0.02, 0.22, 7)
-"""[m] Over which noise may be shared: 30 mrad from 0.7 to 7 m."""
-OWN = 0.1
-"""Of a whole cell's variance that it shares with none, of the variance that it shares."""
+FILLED = 0.2  # Cells of which less is seen do not count
+OFF = 2.5  # Times the cells' scatter; what is farther off is no noise but a moulding or a handle
+MIN_SCATTER = 0.0004  # [m] A cell's height is not known better, however well the cells of a small front agree
+WORTH = 3  # Residuals that MIN_SCATTER is worth
+LENGTHS = np.geomspace(0.02, 0.22, 7)  # [m] Over which noise may be shared: 30 mrad from 0.7 to 7 m
+OWN = 0.1  # Of a whole cell's variance that it shares with none, of the variance that it shares
 
 
 def spread(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, float]:
@@ -119,24 +109,20 @@ def _shared(design: np.ndarray, height: np.ndarray, shape: np.ndarray) -> tuple[
     return likely, plane, squares / (free - 2) * np.linalg.inv(information)  # the variance of a Student's t
 
 
+# [m] To each side of an edge faces tell where it is: two standard deviations of a hasty annotator's border, and the
+# gap
 BAND = 0.03
-"""[m] To each side of an edge faces tell where it is: two standard deviations of a hasty annotator's border, and the gap."""
-FEW = 10
-"""Faces from which on they tell anything."""
-BIN = 0.03
-"""[m] Sections of a border in which its farthest face is looked for."""
-HEAVIEST = 4.0
-"""Times the mean area: a face weighs no more, for it is one annotation."""
-STEEP = 20.0
-"""[1/m] Logits per metre across a border; less is a mixture over more than the band."""
+FEW = 10  # Faces from which on they tell anything
+BIN = 0.03  # [m] Sections of a border in which its farthest face is looked for
+HEAVIEST = 4.0  # Times the mean area: a face weighs no more, for it is one annotation
+STEEP = 20.0  # [1/m] Logits per metre across a border; less is a mixture over more than the band
+# Variance of labels over that of independent ones: neighbouring faces share a nearest place; checked against true
+# sides
 SPREAD = 2.0
-"""Variance of labels over that of independent ones: neighbouring faces share a nearest place; checked against true sides."""
-END = 0.005
-"""[m] Standard deviation of the place of a side that is only known from where own faces end."""
-SKEW = 0.1
-"""[rad] A border that runs more askew, or may do so, is none."""
+END = 0.005  # [m] Standard deviation of the place of a side that is only known from where own faces end
+SKEW = 0.1  # [rad] A border that runs more askew, or may do so, is none
+# [m] Standard deviation of a fitted side's place, besides what its fit says: rounded edges, gaps, edge pulls
 BORDER = 0.003
-"""[m] Standard deviation of a fitted side's place, besides what its fit says: rounded edges, gaps, edge pulls."""
 
 
 class Faces:
@@ -267,10 +253,8 @@ def _last(x: np.ndarray, t: np.ndarray) -> float:
     return float(np.median(farthest))
 
 
-NEAR = 0.015
-"""[m] Faces farther from the plane are no part of it: panels in a frame, mouldings, handles."""
-RECTANGLE = 0.9
-"""Fill of its rectangle from which a front has straight sides; an ellipse fills 0.79."""
+NEAR = 0.015  # [m] Faces farther from the plane are no part of it: panels in a frame, mouldings, handles
+RECTANGLE = 0.9  # Fill of its rectangle from which a front has straight sides; an ellipse fills 0.79
 
 
 @dataclass(frozen=True)

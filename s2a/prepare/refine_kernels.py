@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import warp as wp
 
+# Kinds of terms: what a value is of
 AXIS, LINE, ALONG_FRAME, FACE, LEVEL, PRIOR, FLUSH = (wp.constant(kind) for kind in range(7))
-"""Kinds of terms: what a value is of."""
-TILT, SHIFT, ZERO = (0, 1), (2, 3), 4
-"""Where the parameters of a joint are among its five."""
-COUNT = 5
-"""Parameters of a joint."""
+TILT, SHIFT, ZERO = (0, 1), (2, 3), 4  # Where the parameters of a joint are among its five
+COUNT = 5  # Parameters of a joint
 
 
 @wp.struct

@@ -70,12 +70,9 @@ class RefineConfig:
     sure: Positive = 4.0
 
 
-AXIS, LINE, ALONG_FRAME, FACE, LEVEL, PRIOR, FLUSH = range(7)
-"""Kinds of terms: what a value is of. See `Term`."""
-TILT, SHIFT, ZERO = (0, 1), (2, 3), 4
-"""Where the parameters of a joint are among its five."""
-COUNT = 5
-"""Parameters of a joint."""
+AXIS, LINE, ALONG_FRAME, FACE, LEVEL, PRIOR, FLUSH = range(7)  # Kinds of terms: what a value is of. See `Term`
+TILT, SHIFT, ZERO = (0, 1), (2, 3), 4  # Where the parameters of a joint are among its five
+COUNT = 5  # Parameters of a joint
 
 
 @dataclass(frozen=True)
@@ -237,20 +234,14 @@ def _paths(paths: Sequence[PartPath]) -> Paths:
     return table
 
 
-CELL = 0.015
-"""[m] Width of a cell of the grid."""
+CELL = 0.015  # [m] Width of a cell of the grid
+# [m] The grid reaches this far beyond the front: what is hit there tells of the joint, what lies farther of the room
 AROUND = 0.06
-"""[m] The grid reaches this far beyond the front: what is hit there tells of the joint, what lies farther of the room."""
-REACH = 0.03
-"""[m] Farther behind a surface there may be another object's back."""
-POINTS = 100
-"""Points of a front that are followed."""
-STEPS = (0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Fractions of the range at which they are looked at."""
-SLACK = 0.004
-"""[m] Twice a laser scan's noise, or the gap around a front."""
-MOST = 400_000
-"""Cells of a grid; larger parts get wider cells."""
+REACH = 0.03  # [m] Farther behind a surface there may be another object's back
+POINTS = 100  # Points of a front that are followed
+STEPS = (0.03, 0.1, 0.2, 0.4, 0.7, 1.0)  # Fractions of the range at which they are looked at
+SLACK = 0.004  # [m] Twice a laser scan's noise, or the gap around a front
+MOST = 400_000  # Cells of a grid; larger parts get wider cells
 
 
 def path(faces: Faces, part: str, number: int, weight: float) -> PartPath | None:

@@ -32,10 +32,11 @@ from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.articulation import opening_sign
 from s2a.scene.scene import Joint, Scene
 
+# Directions nearer than this are meant to be the same; an axis that errs by more is not refined but wrong (`s2a
+# check`)
 ALIKE = np.cos(np.radians(10.0))
-"""Directions nearer than this are meant to be the same; an axis that errs by more is not refined but wrong (`s2a check`)."""
+# [m] A leaf of furniture is no thicker (16 to 22 mm); about which edge of a thicker lid it turns, nobody can see
 LEAF = 0.022
-"""[m] A leaf of furniture is no thicker (16 to 22 mm); about which edge of a thicker lid it turns, nobody can see."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -191,12 +192,9 @@ def closed(joint: Joint, zero: float) -> tuple[float, float]:
     return (shift, upper) if opening_sign(joint) > 0 else (lower, -shift)
 
 
-ROUNDS = 8
-"""Most rounds of the optimiser, each in units of the Hessian where it begins; two or three do."""
-LIMITS = {"maxiter": 30}
-"""Of one round."""
-MIN_CURVATURE = 100.0
-"""[1/rad^2], [1/m^2] Smallest curvature that counts: the information of the widest prior."""
+ROUNDS = 8  # Most rounds of the optimiser, each in units of the Hessian where it begins; two or three do
+LIMITS = {"maxiter": 30}  # Of one round
+MIN_CURVATURE = 100.0  # [1/rad^2], [1/m^2] Smallest curvature that counts: the information of the widest prior
 
 
 @dataclass(frozen=True)

@@ -30,16 +30,12 @@ from s2a.scene.scene import Mesh, Scene
 from s2a.scene.usd import geometric, sim_stage
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, SimBody, SimRoom
 
-ROBOTS = ""
-"""Stands for the owner of the places where robots stand, beside ids of objects."""
-UNEVEN = 0.01
-"""[m] A scanned floor may rise by so much under a robot's base."""
-BESIDE = 0.1
-"""[m] From a handle, within which furniture stands that it may belong to."""
+ROBOTS = ""  # Stands for the owner of the places where robots stand, beside ids of objects
+UNEVEN = 0.01  # [m] A scanned floor may rise by so much under a robot's base
+BESIDE = 0.1  # [m] From a handle, within which furniture stands that it may belong to
+# Note of a room without articulated parts
 NO_JOINTS = "nothing moves: the scan has no joints; `s2a annotate` adds drawers and doors"
-"""Note of a room without articulated parts."""
-GRAVITY = 9.81
-"""[m/s^2]"""
+GRAVITY = 9.81  # [m/s^2]
 
 
 @dataclass(frozen=True)

@@ -32,10 +32,8 @@ from s2a.scene.geometry.simplify import STRUCTURE_LABELS, DecimateConfig, Decima
 from s2a.scene.scene import Mesh, Part, Scene, pack, unpack
 from s2a.scene.usd.sim_scene import Collider
 
-GRID = 5
-"""Points along each side of an object's outline below which a top is looked for."""
-INSIDE = 1e-3
-"""[m] Below the top, for those points."""
+GRID = 5  # Points along each side of an object's outline below which a top is looked for
+INSIDE = 1e-3  # [m] Below the top, for those points
 
 
 @dataclass(frozen=True)
@@ -118,10 +116,8 @@ def _median(values: np.ndarray, weights: np.ndarray) -> float:
     return float(values[order][np.searchsorted(total, total[-1] / 2)])
 
 
-THIN = 0.1
-"""Thickness of a hull as a fraction of its width below which it is cut in layers."""
-THINNEST = 0.002
-"""[m] A thinner layer is not worth a collider."""
+THIN = 0.1  # Thickness of a hull as a fraction of its width below which it is cut in layers
+THINNEST = 0.002  # [m] A thinner layer is not worth a collider
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,11 +11,10 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.robot.spec import RobotSpec
 
-FILE = "robot.yaml"
-"""In the folder of each robot of this package."""
+FILE = "robot.yaml"  # In the folder of each robot of this package
+# Environment variable with the files of further robots, separated as PATH is; processes that a command starts inherit
+# those that it was given
 FILES = "S2A_ROBOTS"
-"""Environment variable with the files of further robots, separated as PATH is; processes that a command starts inherit those that
-it was given."""
 
 
 def names() -> list[str]:
@@ -37,8 +36,7 @@ def load(name: str) -> RobotSpec:
     return _load(name, files[name])
 
 
-Robot = Annotated[RobotSpec, config.Named(load)]
-"""A robot as a key: its name or its file."""
+Robot = Annotated[RobotSpec, config.Named(load)]  # A robot as a key: its name or its file
 
 
 def _files() -> dict[str, Path]:

@@ -15,16 +15,12 @@ from s2a.robot import urdf
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
 
-BULGE = 0.02
-"""[m] How far the spheres may stand out of the links; between two links twice as much is no collision."""
-SLACK = 0.005
-"""[m] Accepted penetration of the spheres, which stand out of the links by more."""
+BULGE = 0.02  # [m] How far the spheres may stand out of the links; between two links twice as much is no collision
+SLACK = 0.005  # [m] Accepted penetration of the spheres, which stand out of the links by more
 
-TURNS = 16
-"""Angles of the first joint at which what it carries must be clear."""
+TURNS = 16  # Angles of the first joint at which what it carries must be clear
 
-Penetration = tuple[float, str]
-"""Penetration depth [m] (0: no collision), and with what."""
+Penetration = tuple[float, str]  # Penetration depth [m] (0: no collision), and with what
 
 
 class RobotShape:
@@ -110,10 +106,8 @@ class RobotShape:
         return [pair for pair in pairs if self._depth(centers, *pair)[0] <= 0.0]
 
 
-FINGER_BULGE = 0.01
-"""[m] How far the spheres may stand out of a finger, whose room is small."""
-ROUND = 3
-"""Decimals of the spheres' centers and radii [m]."""
+FINGER_BULGE = 0.01  # [m] How far the spheres may stand out of a finger, whose room is small
+ROUND = 3  # Decimals of the spheres' centers and radii [m]
 
 
 def spheres(spec: RobotSpec) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

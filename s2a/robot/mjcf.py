@@ -15,14 +15,10 @@ from scipy.spatial.transform import Rotation
 from s2a.core import cache
 from s2a.core.errors import InputError
 
-EFFORT = "1000"
-"""[N or N m] Effort limit of a joint that the robot's YAML gives none."""
-SAMPLES = 9
-"""Positions of the gripper's drive at which the joints of its linkage are read."""
-SETTLE = 1500
-"""Time steps that the linkage takes to come to rest at each of them."""
-LINEAR = 0.05
-"""[rad or m] Largest deviation of a joint from a linear function of the finger joint that it follows."""
+EFFORT = "1000"  # [N or N m] Effort limit of a joint that the robot's YAML gives none
+SAMPLES = 9  # Positions of the gripper's drive at which the joints of its linkage are read
+SETTLE = 1500  # Time steps that the linkage takes to come to rest at each of them
+LINEAR = 0.05  # [rad or m] Largest deviation of a joint from a linear function of the finger joint that it follows
 
 
 def read(path: Path, arm: Sequence[str], fingers: Sequence[str]) -> ElementTree.Element:

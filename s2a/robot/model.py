@@ -78,8 +78,8 @@ def add_robot(
         _couple_fingers(builder, spec, moving)
 
 
+# Links with so few driven joints between them do not touch each other: their hulls overlap around the joints
 NEIGHBOURS = 2
-"""Links with so few driven joints between them do not touch each other: their hulls overlap around the joints."""
 
 
 def _allow_self_collision(builder: newton.ModelBuilder, first_body: int) -> None:
@@ -96,9 +96,9 @@ def _allow_self_collision(builder: newton.ModelBuilder, first_body: int) -> None
     ]
 
 
+# [kg m^2] Of a joint that mimics another: MuJoCo's equality is the stiffer the more inertia it moves. That of the
+# drivers in menagerie's 2F-85
 FOLLOWER_ARMATURE = 0.005
-"""[kg m^2] Of a joint that mimics another: MuJoCo's equality is the stiffer the more inertia it moves. That of the drivers in
-menagerie's 2F-85."""
 
 
 def _follow(builder: newton.ModelBuilder, first_body: int) -> None:

@@ -14,10 +14,8 @@ from s2a.robot.kinematics import Kinematics
 from s2a.scene.articulation import displace, lever_arm, open_limit, pose_at, transform
 from s2a.scene.scene import Joint
 
-STEP = 0.015
-"""[m] Distance between neighbouring poses."""
-TURN = 0.1
-"""[rad] Largest rotation between neighbouring poses."""
+STEP = 0.015  # [m] Distance between neighbouring poses
+TURN = 0.1  # [rad] Largest rotation between neighbouring poses
 
 
 @dataclass(frozen=True)
@@ -99,16 +97,12 @@ def matrix(vector: np.ndarray) -> np.ndarray:
     return matrices(np.asarray(vector, float)[None])[0]
 
 
-EXACT = 1e-4
-"""Accepted root of the squared errors: 0.1 mm and 0.1 mrad."""
-JUMP = 0.3
-"""[rad] Largest change of a joint from one pose to the next: more is another IK branch."""
-MARGIN = 0.02
-"""[rad] What every joint keeps from its limits."""
+EXACT = 1e-4  # Accepted root of the squared errors: 0.1 mm and 0.1 mrad
+JUMP = 0.3  # [rad] Largest change of a joint from one pose to the next: more is another IK branch
+MARGIN = 0.02  # [rad] What every joint keeps from its limits
+# [rad] Largest change of a joint between two poses that are checked for collisions: 4 cm at arm's length
 JOINT_TURN = 0.05
-"""[rad] Largest change of a joint between two poses that are checked for collisions: 4 cm at arm's length."""
-HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
-"""A parallel gripper holds as well with its fingers exchanged."""
+HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])  # A parallel gripper holds as well with its fingers exchanged
 
 
 def follow(

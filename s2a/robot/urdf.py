@@ -23,12 +23,9 @@ from s2a.robot.spec import Attachment, RobotSpec
 
 MOVING = ("revolute", "prismatic", "continuous")
 EFFORT = mjcf.EFFORT
-TURN = 2.0 * np.pi
-"""[rad] Limit of a continuous joint to either side."""
-STILL = 0.02
-"""A joint that follows a finger joint by a smaller fraction is fixed."""
-SPARE = 0.1
-"""[rad or m] By how much the limits of a joint that mimics another are wider than what it mimics."""
+TURN = 2.0 * np.pi  # [rad] Limit of a continuous joint to either side
+STILL = 0.02  # A joint that follows a finger joint by a smaller fraction is fixed
+SPARE = 0.1  # [rad or m] By how much the limits of a joint that mimics another are wider than what it mimics
 
 
 def arm(spec: RobotSpec, visuals: bool = False) -> ElementTree.Element:

@@ -36,10 +36,9 @@ class Artefact:
     fallback: bool = False
 
 
-TABLE: list[Artefact] = []
-"""All rows; the first that recognises a path and has the use asked for counts."""
+TABLE: list[Artefact] = []  # All rows; the first that recognises a path and has the use asked for counts
+# Uses of a row that differ, in words
 SHOWN = {"room": "shown", "tree": "shown", "notes": "shown", "report": "reported"}
-"""Uses of a row that differ, in words."""
 
 
 def register(*rows: Artefact) -> None:

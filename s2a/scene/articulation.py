@@ -12,8 +12,7 @@ import numpy as np
 
 from s2a.scene.scene import Joint
 
-ON_AXIS = 1e-9
-"""[m] A point nearer to a hinge's axis than this does not move."""
+ON_AXIS = 1e-9  # [m] A point nearer to a hinge's axis than this does not move
 
 
 def transform(joint: Joint, q: float) -> np.ndarray:

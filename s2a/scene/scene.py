@@ -76,8 +76,7 @@ class Mesh:
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)]).astype(np.float64)
 
 
-BLOCK = 1 << 14
-"""Triangles whose corners are in double precision at a time: those of a whole scan take 200 bytes each."""
+BLOCK = 1 << 14  # Triangles whose corners are in double precision at a time: those of a whole scan take 200 bytes each
 
 
 def crosses(vertices: np.ndarray, faces: np.ndarray) -> Iterator[np.ndarray]:
@@ -116,8 +115,7 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> list[Mesh]:
 __all__ = ["Joint", "Mesh", "Motion", "Part", "Scene", "Vec3"]
 
 Vec3 = tuple[float, float, float]
-HANDLE_GAP = 0.03
-"""[m] Grasp parts nearer to each other than this are one handle, such as a bar and its posts."""
+HANDLE_GAP = 0.03  # [m] Grasp parts nearer to each other than this are one handle, such as a bar and its posts
 
 
 @dataclass(frozen=True)
@@ -326,12 +324,11 @@ class Scene:
         return np.average(centroids, axis=0, weights=areas)
 
 
+# No drawer is longer [m], no door turns further [rad]; degrees read as radians are
 WIDEST = {"prismatic": 3.0, "revolute": 2.0 * math.pi}
-"""No drawer is longer [m], no door turns further [rad]; degrees read as radians are."""
-NARROWEST = 0.01
-"""Smallest range of a joint [m or rad] that is worth a robot."""
+NARROWEST = 0.01  # Smallest range of a joint [m or rad] that is worth a robot
+# Of a part [kg], and of a point [m]: scans may lie far from their zero point, as maps do
 MAX_MASS, MAX_COORDINATE = 1e5, 1e7
-"""Of a part [kg], and of a point [m]: scans may lie far from their zero point, as maps do."""
 UNITS = {"prismatic": "m", "revolute": "rad"}
 
 

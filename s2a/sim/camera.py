@@ -25,14 +25,11 @@ from s2a.scene.usd.stage import ROOT
 from s2a.sim.room import add_room, pedestal
 from s2a.sim.world import SimStage
 
+# Fractions of the requested azimuth that are tried, in this order at each distance
 AZIMUTHS = (1.0, -1.0, 0.7, -0.7, 1.3, -1.3, 0.4, -0.4)
-"""Fractions of the requested azimuth that are tried, in this order at each distance."""
-NEARER = (1.0, 0.85, 0.7, 0.55)
-"""Fractions of the requested distance."""
-HIGHER = (1.0, 0.5, 1.6)
-"""Fractions of the requested elevation."""
-BEFORE = 0.05
-"""[m] So much before what is looked at, a surface no longer hides it: it may be its own."""
+NEARER = (1.0, 0.85, 0.7, 0.55)  # Fractions of the requested distance
+HIGHER = (1.0, 0.5, 1.6)  # Fractions of the requested elevation
+BEFORE = 0.05  # [m] So much before what is looked at, a surface no longer hides it: it may be its own
 
 
 def viewpoint(stage: SimStage, distance: float, azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:
@@ -167,8 +164,7 @@ def _sensor(model: newton.Model) -> SensorCamera:
     return camera
 
 
-SEEN = "seen/"
-"""What the labels of the room's visible shapes begin with, before the id of their part."""
+SEEN = "seen/"  # What the labels of the room's visible shapes begin with, before the id of their part
 
 
 def visible_model(stage: SimStage, by_part: bool = False) -> newton.ModelBuilder:
@@ -237,10 +233,9 @@ def camera_pose(stage: SimStage, config: CameraConfig) -> wp.transformf:
 
 
 CAMERAS = ("scene", "wrist")
+# Camera in the frame of the gripper's body: place [m]; Euler angles x, y, z [rad]; it looks along the fingers
 WRIST = (0.06, 0.0, 0.02, 0.0, np.pi, -np.pi / 2)
-"""Camera in the frame of the gripper's body: place [m]; Euler angles x, y, z [rad]; it looks along the fingers."""
-FARTHEST = 65.0
-"""[m] Beyond it depth is 0: it is kept in millimetres, in 16 bits."""
+FARTHEST = 65.0  # [m] Beyond it depth is 0: it is kept in millimetres, in 16 bits
 
 
 @dataclass(frozen=True)

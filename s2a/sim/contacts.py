@@ -12,8 +12,8 @@ from s2a.scene.scene import Mesh
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import touched
 
+# What a collider belongs to: a finger, any other link of the robot, the body that is watched; -1 for anything else
 LEFT, RIGHT, LINK, PART = (wp.constant(i) for i in range(4))
-"""What a collider belongs to: a finger, any other link of the robot, the body that is watched; -1 for anything else."""
 
 
 @wp.struct

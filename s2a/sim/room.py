@@ -26,16 +26,13 @@ from s2a.scene.usd.stage import ROOT, read_mesh, world_points
 
 _log = logging.getLogger(__name__)
 
-LEVEL = 0.05
-"""Rise of a floor over its width, at most."""
+LEVEL = 0.05  # Rise of a floor over its width, at most
+# [m] Above a resting point, from where what carries it is looked for: hulls of scans overlap by millimetres
 RAISED = 0.02
-"""[m] Above a resting point, from where what carries it is looked for: hulls of scans overlap by millimetres."""
-BESIDE = 0.05
-"""[m] What is so near to the path of what moves is needed though the arm does not reach it."""
+BESIDE = 0.05  # [m] What is so near to the path of what moves is needed though the arm does not reach it
 
 
-FLAT = 1e-9
-"""Slope of a face up to which it is upright."""
+FLAT = 1e-9  # Slope of a face up to which it is upright
 
 
 @dataclass(frozen=True)
@@ -141,8 +138,7 @@ def _is_floor(points: np.ndarray, space: Workspace) -> bool:
     return bool(level and points[:, 2].max() < space.shoulder[2])
 
 
-WELDED = "frozen_"
-"""Before the id of a frozen part: the prim below its carrier that takes its colliders."""
+WELDED = "frozen_"  # Before the id of a frozen part: the prim below its carrier that takes its colliders
 
 
 def kept_bodies(room: SimRoom, active: Sequence[str]) -> tuple[str, ...]:
@@ -217,18 +213,12 @@ def owner(label: str) -> str:
     return names[3].removeprefix(WELDED) if len(names) > 3 and names[3].startswith(WELDED) else names[2]
 
 
-PEDESTAL = f"{ROOT}/static/colliders/pedestal_00"
-"""Label of the column under a robot that does not stand on the floor."""
-GAP = 0.002
-"""[m] Between a pedestal and the robot's base."""
-CLEARANCE = 0.003
-"""[m] Between the path of an active part and what is frozen: a physics step at 1 m/s is 4 mm."""
-STOPS = 9
-"""Coordinates of a joint at which the path of its part is taken."""
-APPROACH = 0.2
-"""[m] Straight path of the gripper before the grasp."""
-LOCKED = (0.0, 1e-5)
-"""[m or rad] Limits of a joint that only fills a place; equal ones would be no joint."""
+PEDESTAL = f"{ROOT}/static/colliders/pedestal_00"  # Label of the column under a robot that does not stand on the floor
+GAP = 0.002  # [m] Between a pedestal and the robot's base
+CLEARANCE = 0.003  # [m] Between the path of an active part and what is frozen: a physics step at 1 m/s is 4 mm
+STOPS = 9  # Coordinates of a joint at which the path of its part is taken
+APPROACH = 0.2  # [m] Straight path of the gripper before the grasp
+LOCKED = (0.0, 1e-5)  # [m or rad] Limits of a joint that only fills a place; equal ones would be no joint
 
 
 def add_room(

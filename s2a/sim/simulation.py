@@ -19,14 +19,13 @@ from s2a.sim.resistance import hooks
 from s2a.sim.solver import IGNORED_OVERFLOWS, Layout, SimConfig, layout, make_solver, vary
 from s2a.sim.world import SimStage, body_index, build_world, empty_world
 
-FEW = 8
-"""Stages that are built before a helper has started."""
+FEW = 8  # Stages that are built before a helper has started
 ATTRIBUTES = "custom_attributes"
+# Poses on a part's path in which pairs of hulls are counted, and those of the part for which `sim.nconmax` has room
 POSES, OWN = 9, 20
-"""Poses on a part's path in which pairs of hulls are counted, and those of the part for which `sim.nconmax` has room."""
+# Hulls that do not move, for whose pairs with the arm `sim.nconmax` has room. Among 245 of a scanned kitchen a
+# planner's arm had 72 pairs at most, so that every second hull beyond gets room
 FIXED = 64
-"""Hulls that do not move, for whose pairs with the arm `sim.nconmax` has room. Among 245 of a scanned kitchen a planner's
-arm had 72 pairs at most, so that every second hull beyond gets room."""
 COLLIDES = int(newton.ShapeFlags.COLLIDE_SHAPES)
 
 

@@ -19,8 +19,7 @@ from s2a.robot.spec import RobotSpec
 from s2a.scene.scene import Mesh
 from s2a.sim.soft_body import SoftBody, SoftConfig
 
-RATE = 60
-"""[1/s] Control steps."""
+RATE = 60  # [1/s] Control steps
 
 
 class SoftSimulation:

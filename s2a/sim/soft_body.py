@@ -78,11 +78,10 @@ class SoftConfig:
     grip_force: Positive = 10.0
 
 
+# Newton's teddy bear: tetrahedra that fill a grid of cubes
 BEAR = Path(newton.__file__).parent / "examples/assets/bear.usd"
-"""Newton's teddy bear: tetrahedra that fill a grid of cubes."""
 FUR = (150, 95, 45)
-SAMPLES = 500
-"""Points in each tetrahedron of an asset that tell which cells it fills."""
+SAMPLES = 500  # Points in each tetrahedron of an asset that tell which cells it fills
 
 
 @dataclass(frozen=True)

@@ -64,8 +64,7 @@ def _below(world: newton.ModelBuilder, root: int) -> list[int]:
     return bodies
 
 
-Range = tuple[Positive, Positive]
-"""Least and greatest factor; drawn evenly on a logarithmic scale."""
+Range = tuple[Positive, Positive]  # Least and greatest factor; drawn evenly on a logarithmic scale
 
 
 @dataclass(frozen=True)
@@ -121,8 +120,8 @@ def _multiply(array, worlds: int, index: tuple, factor: np.ndarray) -> None:
     array.assign(values)
 
 
+# Reports that are switched off: reaching the iteration limits is meant, they are set low; capacities stay reported
 IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
-"""Reports that are switched off: reaching the iteration limits is meant, they are set low; capacities stay reported."""
 
 
 @dataclass(frozen=True)

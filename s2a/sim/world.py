@@ -24,20 +24,17 @@ from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
 from s2a.sim.room import Workspace, add_pedestal, add_room, kept_bodies, pedestal, workspace
 
-OPPOSED = -0.5
-"""Cosine between the forces of both fingers below which they pinch: more than 120 degrees apart."""
-SECTION = 0.03
-"""[m] A handle's section is no thicker, so that its unseen side is no farther from the seen one."""
+OPPOSED = -0.5  # Cosine between the forces of both fingers below which they pinch: more than 120 degrees apart
+SECTION = 0.03  # [m] A handle's section is no thicker, so that its unseen side is no farther from the seen one
+# [N/m] Stiffness of what lies free at a point of contact. Ten times as much made a bottle of 170 g tremble between
+# the pads, and fall: the solver did not converge
 SURFACE = 3e4
-"""[N/m] Stiffness of what lies free at a point of contact. Ten times as much made a bottle of 170 g tremble between the pads,
-and fall: the solver did not converge."""
+# [m] Depth in which the stiffness is reached. What is as stiff from the surface on sinks in by so little under its
+# own weight that contacts come and go: a wine glass of 24 g falls over by itself
 SKIN = 0.0003
-"""[m] Depth in which the stiffness is reached. What is as stiff from the surface on sinks in by so little under its own weight
-that contacts come and go: a wine glass of 24 g falls over by itself."""
+# Impedances of MuJoCo's constraints: its default's lower end, and where rows become too stiff for single precision
 SOFTEST, HARDEST = 0.9, 0.999
-"""Impedances of MuJoCo's constraints: its default's lower end, and where rows become too stiff for single precision."""
-RAW = 1
-"""Newton's `solref_mode` that hands solref over unscaled."""
+RAW = 1  # Newton's `solref_mode` that hands solref over unscaled
 
 
 def stiffen(builder: newton.ModelBuilder, dof: int, dt: float) -> None:
@@ -75,8 +72,7 @@ def _set(builder: newton.ModelBuilder, name: str, index: int, value: object) -> 
     attribute.values = {**(attribute.values or {}), index: value}
 
 
-LOCKED_ARMATURE = 1e6
-"""[kg or kg m^2] Of an axis that only fills a place."""
+LOCKED_ARMATURE = 1e6  # [kg or kg m^2] Of an axis that only fills a place
 
 
 @dataclass(frozen=True)

@@ -63,12 +63,12 @@ def of(values: Mapping[str, Any]) -> type[Task]:
     return task(str(settings.get("name") if isinstance(settings, Mapping) else settings))
 
 
+# A command's key `task`: the settings of a decision process
 MdpSettings = Annotated[MdpConfig, config.Chosen(lambda values: of(values).Config)]
-"""A command's key `task`: the settings of a decision process."""
+# A command's key `metrics`: the thresholds of what is reported
 MetricSettings = Annotated[Any, config.Chosen(lambda values: of(values).Metrics)]
-"""A command's key `metrics`: the thresholds of what is reported."""
+# A command's key `reward`: weights of reward terms by name; a term that is not listed weighs 0
 RewardWeights = Annotated[dict[str, float], config.Described(lambda values: meanings(of(values).REWARDS))]
-"""A command's key `reward`: weights of reward terms by name; a term that is not listed weighs 0."""
 
 
 def make_env(

@@ -23,8 +23,7 @@ from s2a.tasks.mdp import binding, seen
 from s2a.tasks.mdp.grasp import clear_contacts, keep_region_force
 from s2a.tasks.state import PERSISTENT, State
 
-Terms = Mapping[str, wp.Function]
-"""Warp functions of (State, World, world) by name."""
+Terms = Mapping[str, wp.Function]  # Warp functions of (State, World, world) by name
 
 
 @dataclass(frozen=True)

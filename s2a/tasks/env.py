@@ -26,8 +26,7 @@ from s2a.tasks import kernels
 from s2a.tasks.base import Task, weights_of
 from s2a.tasks.state import ERRORS, allocate
 
-FINGER_TIME = 0.05
-"""[s] In which a finger reaches its speed; no maker says."""
+FINGER_TIME = 0.05  # [s] In which a finger reaches its speed; no maker says
 
 
 @dataclass(frozen=True)

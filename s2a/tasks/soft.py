@@ -33,13 +33,13 @@ from s2a.sim.soft_body import SoftBody, SoftConfig
 from s2a.tasks.mdp.grasp import OPPOSED
 from s2a.tasks.pick_place import PickPlaceConfig
 
+# Of an outcome, what holds or not; success: all of the others
 COLUMNS = ("success", "placed", "at_rest", "gripper_gone", "carried", "released_at_rest", "arm_clear", "finite")
-"""Of an outcome, what holds or not; success: all of the others."""
+# The others: metres, a fraction, metres, metres, newtons
 VALUES = ("position_error", "carried_fraction", "drift", "arm_depth", "grip_force")
-"""The others: metres, a fraction, metres, metres, newtons."""
+# [s] The path is how far the body comes in each. In steps, its trembling where it stands made 46 mm of path before it
+# was touched, and 60 mm after its release. No motion is too slow to count: what is pushed at 6 mm/s is not carried
 INTERVAL = 0.5
-"""[s] The path is how far the body comes in each. In steps, its trembling where it stands made 46 mm of path before it was
-touched, and 60 mm after its release. No motion is too slow to count: what is pushed at 6 mm/s is not carried."""
 
 
 @dataclass(frozen=True)
@@ -116,15 +116,11 @@ def _carried(episode: SoftEpisode, least: float) -> float:
     return float((path * held).sum() / path.sum()) if path.any() else 0.0
 
 
-SoftTask, SOFT_TASK = PickPlaceConfig, "pick_place"
-"""Settings and name of the task that is done with a soft body."""
+SoftTask, SOFT_TASK = PickPlaceConfig, "pick_place"  # Settings and name of the task that is done with a soft body
 NAME = "teddy_bear"
-GAP = 0.003
-"""[m] Between the body and its support where it is put down: a millimetre more than its vertices' radius."""
-EVEN = 0.02
-"""[m] Up to which a support's height may differ below a soft body."""
-NEAR_BODY = 0.10
-"""[m] From what the body passes, up to which hulls of the room are simulated."""
+GAP = 0.003  # [m] Between the body and its support where it is put down: a millimetre more than its vertices' radius
+EVEN = 0.02  # [m] Up to which a support's height may differ below a soft body
+NEAR_BODY = 0.10  # [m] From what the body passes, up to which hulls of the room are simulated
 
 
 def with_body(room: SimRoom, body: SoftBody, config: SoftConfig, pose: np.ndarray) -> SimRoom:
@@ -174,8 +170,7 @@ def hulls_near(room: SimRoom, body: SoftBody, ends: list[np.ndarray]) -> list[Me
     ]
 
 
-DRAWS = 20
-"""Of a pose, until the body stands at it."""
+DRAWS = 20  # Of a pose, until the body stands at it
 Ends = tuple[np.ndarray, np.ndarray]
 
 
@@ -259,8 +254,7 @@ def _drawn(
     raise AssertionError("the last draw returns or raises")
 
 
-AFTER = 1.5
-"""[s] That an episode goes on after the arm's motion: half a second to come to rest, and one at rest."""
+AFTER = 1.5  # [s] That an episode goes on after the arm's motion: half a second to come to rest, and one at rest
 Watch = Callable[[int, SoftSimulation], None]
 
 

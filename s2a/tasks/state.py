@@ -10,9 +10,10 @@ import warp as wp
 from s2a.sim.contacts import PartContacts
 from s2a.sim.simulation import Simulation
 
+# Columns of a result after the task's: the episode was ended by a value that is not finite; its world dropped
+# constraint rows, which ends it too; contacts were dropped in some step, whose pool all worlds share, so that it
+# concerns all at once
 ERRORS = ("invalid", "row_overflow", "contact_overflow")
-"""Columns of a result after the task's: the episode was ended by a value that is not finite; its world dropped constraint
-rows, which ends it too; contacts were dropped in some step, whose pool all worlds share, so that it concerns all at once."""
 
 
 def columns(names: Iterable[str]) -> Any:
@@ -144,20 +145,21 @@ def allocate(sim: Simulation, observations: int, privileged: int, terms: int, re
     return s
 
 
+# Columns of `World.opened`: the maximum opening [m]; the opening gained [m], in all and while grasped, with both
+# fingers on the region, with one or both, with a finger on the part but none on the region, pushed by another link of
+# the robot; whether the part ever stood open as `open_75pct_static` demands; whether another link touched the part
+# last; the maximum contact force [N]; whether the part was closed at any time
 OPENED = ("maximum", "gained", "grasped", "both", "any", "off", "body", "stood", "pushed", "force", "closed")
-"""Columns of `World.opened`: the maximum opening [m]; the opening gained [m], in all and while grasped, with both fingers on
-the region, with one or both, with a finger on the part but none on the region, pushed by another link of the robot; whether the
-part ever stood open as `open_75pct_static` demands; whether another link touched the part last; the maximum contact force [N];
-whether the part was closed at any time."""
+# Columns of `World.grasped`: the opening of the last physics step, and how much of it the part was grasped over, by
+# how firmly; the maximum opening so far, and how much of the path to it `grasped_path` rewards [m]
 GRASPED = ("before", "opening", "maximum", "path")
-"""Columns of `World.grasped`: the opening of the last physics step, and how much of it the part was grasped over, by how
-firmly; the maximum opening so far, and how much of the path to it `grasped_path` rewards [m]."""
+# Columns of `World.carried`: the object's path while grasped and else [m]; control steps at rest at its place;
+# displacement since the last touch [m]; of other bodies [m]; whether the robot touched the object in this control
+# step; whether it was ever grasped; the container's path towards shut with the untouched object in it, and its
+# coordinate a physics step ago [m or rad]
 CARRIED = ("carried", "loose", "still", "drift", "disturbed", "touched", "grasped", "ride", "coordinate")
-"""Columns of `World.carried`: the object's path while grasped and else [m]; control steps at rest at its place; displacement
-since the last touch [m]; of other bodies [m]; whether the robot touched the object in this control step; whether it was ever
-grasped; the container's path towards shut with the untouched object in it, and its coordinate a physics step ago [m or rad]."""
+# Columns of `World.limits`: openings from which an episode counts [m]
 LIMITS = ("success", "open_30cm", "open_75pct_static", "open_95pct")
-"""Columns of `World.limits`: openings from which an episode counts [m]."""
 Opened, Grasped, Carried, Limit = (columns(names) for names in (OPENED, GRASPED, CARRIED, LIMITS))
 
 
@@ -330,7 +332,7 @@ class World:
     number: Numbers
 
 
+# Arrays that a later step reads before it writes them
 PERSISTENT = (
     "seen", "frame", "tracked", "tool_before", "opened", "grasped", "carried", "last", "released", "rested", "origin", "own",
 )  # fmt: skip
-"""Arrays that a later step reads before it writes them."""

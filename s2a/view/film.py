@@ -23,19 +23,14 @@ from s2a.view.page.glb import thinned
 from s2a.view.page.room import Coordinates, PageRoom, Played, PlayedWorld, of_sim_room, unit
 from s2a.view.states import States
 
+# As of `s2a evaluate images=`; walls that stand between are seen through from behind
 CAMERA = OrbitCamera(560, 352, 1, 0.8, 1.1, 0.45, 1.0, True)
-"""As of `s2a evaluate images=`; walls that stand between are seen through from behind."""
-DISTANCE = 2.0
-"""[m] From the middle between the robot and what it moves."""
-RATE, SECONDS = 8, 6.0
-"""Images a second; what takes longer is shown faster, so that it takes so many seconds at most."""
-HELD = 0.7
-"""[s] For which the last image stays."""
+DISTANCE = 2.0  # [m] From the middle between the robot and what it moves
+RATE, SECONDS = 8, 6.0  # Images a second; what takes longer is shown faster, so that it takes so many seconds at most
+HELD = 0.7  # [s] For which the last image stays
 MAX_BYTES = 1_500_000
-QUALITIES = (26, 32, 38, 44, 51)
-"""H.264's quantizers, tried in this order until a video is small enough."""
-MAX_FACES = 200_000
-"""Of the room that is rendered: a pixel shows no smaller ones."""
+QUALITIES = (26, 32, 38, 44, 51)  # H.264's quantizers, tried in this order until a video is small enough
+MAX_FACES = 200_000  # Of the room that is rendered: a pixel shows no smaller ones
 
 
 @dataclass(frozen=True)

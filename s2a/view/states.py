@@ -197,10 +197,8 @@ def _columns(root: Path, info: dict[str, Any], index: int) -> dict[str, np.ndarr
     return {name: each.reshape(len(each), -1) for name, each in columns.items()}
 
 
-DETAIL = 0.006
-"""[m] Of the robot's surface: its visual meshes have 140,000 faces."""
-SHINY = 0.9
-"""Brightness of white paint: the page's light would bleach it."""
+DETAIL = 0.006  # [m] Of the robot's surface: its visual meshes have 140,000 faces
+SHINY = 0.9  # Brightness of white paint: the page's light would bleach it
 
 
 def read_played(path: Path, stage: Path, first: int, count: int) -> States:

@@ -27,8 +27,8 @@ from s2a.view.page.glb import thinned
 from s2a.view.page.room import PagePart, PageRoom, unit
 from s2a.view.page.serve import address, started
 
+# What the next click, or drag, means
 FRONT, HINGE, LINE, HANDLE, RECTANGLE = "front", "hinge", "line", "handle", "rectangle"
-"""What the next click, or drag, means."""
 HINTS = {
     FRONT: "Click a front. Shift and drag: a rectangle around it.",
     HINGE: "Click the edge about which it turns.",
@@ -310,8 +310,7 @@ def _fill(field: viser.GuiInputHandle[Any], value: object) -> None:
     field.value = value  # type: ignore[misc] # mypy overlooks its setter
 
 
-WIDTH = 400
-"""[pixel] of the panel."""
+WIDTH = 400  # [pixel] of the panel
 SCAN = "scan"
 
 

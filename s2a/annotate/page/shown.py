@@ -17,14 +17,12 @@ from s2a.view.page.layers import axis_arrow, lifted
 from s2a.view.page.panel import first_face
 from s2a.view.page.scene_nodes import ARROW_COLORS, HEAD, HEAD_LENGTH, SHAFT
 
+# Linear RGB of fronts by their state, and of handles
 SELECTED, DONE, PROPOSED, HANDLE = (1.0, 0.42, 0.0), (0.1, 0.6, 0.2), (0.95, 0.75, 0.05), (0.8, 0.05, 0.25)
-"""Linear RGB of fronts by their state, and of handles."""
 OPACITY, DARK = 0.45, (0.03, 0.03, 0.03)
 OUTLINE = {SELECTED: (255, 120, 0), DONE: (40, 160, 70), PROPOSED: (240, 200, 20)}
-LINE = 0.004
-"""[m] Thickness of a front's outline."""
-LIFT = 0.004
-"""[m] Overlays lie so far before the surface."""
+LINE = 0.004  # [m] Thickness of a front's outline
+LIFT = 0.004  # [m] Overlays lie so far before the surface
 
 
 class Shown:
@@ -110,12 +108,9 @@ def _pose(joint: Joint, fraction: float) -> tuple[np.ndarray, np.ndarray]:
     return viser.transforms.SO3.from_matrix(matrix[:3, :3]).wxyz, matrix[:3, 3]
 
 
-FAR = 3.5
-"""[m] From farther away a wide front is not faced: rooms end."""
-MIN_COSINE = 0.05
-"""Of a ray with a front's normal; at less, the front is seen from its edge."""
-GRID = np.linspace(0.1, 0.9, 7)
-"""Fractions of a rectangle's sides at which is asked what it shows."""
+FAR = 3.5  # [m] From farther away a wide front is not faced: rooms end
+MIN_COSINE = 0.05  # Of a ray with a front's normal; at less, the front is seen from its edge
+GRID = np.linspace(0.1, 0.9, 7)  # Fractions of a rectangle's sides at which is asked what it shows
 
 
 @dataclass(frozen=True)

@@ -50,25 +50,20 @@ class CellBox:
         return (self.left + self.right) / 2, (self.bottom + self.top) / 2
 
 
-SEEN = 0.5
-"""Probability from which on a cell is a front's, or a handle's."""
-AGREES = 0.5
-"""Intersection over union of two cells' rectangles from which on they are of one front."""
-NEAR = 0.05
-"""[m] A cell's word on a side counts half as much at this distance as beside it: what is near is seen well."""
-THIN = 1e-3
-"""[m] A cell is farther from each side of its front: a rectangle has an area."""
+SEEN = 0.5  # Probability from which on a cell is a front's, or a handle's
+AGREES = 0.5  # Intersection over union of two cells' rectangles from which on they are of one front
+NEAR = 0.05  # [m] A cell's word on a side counts half as much at this distance as beside it: what is near is seen well
+THIN = 1e-3  # [m] A cell is farther from each side of its front: a rectangle has an area
+# A handle this far from the middle of a door, as a fraction of its width, tells its hinge more surely than the door
+# does
 BESIDE = 0.2
-"""A handle this far from the middle of a door, as a fraction of its width, tells its hinge more surely than the door does."""
-SCANNED = 0.5
-"""Fraction of a column or a row of cells at a front's side that holds surface of its plane, at least."""
+SCANNED = 0.5  # Fraction of a column or a row of cells at a front's side that holds surface of its plane, at least
+# [m] Narrowest leaf of a pair, widest single door of a cabinet, widest pair without visible frames, and its height at
+# most. Modules of kitchens are 0.3, 0.4, 0.45, 0.5, 0.6, 0.8 and 0.9 m wide; one door is usual up to 0.6 m, two from
+# 0.8 m on
 NARROW, SINGLE, PAIR, TALL_DOOR = 0.2, 0.65, 1.0, 1.2
-"""[m] Narrowest leaf of a pair, widest single door of a cabinet, widest pair without visible frames, and its height at most.
-
-Modules of kitchens are 0.3, 0.4, 0.45, 0.5, 0.6, 0.8 and 0.9 m wide; one door is usual up to 0.6 m, two from 0.8 m on.
-"""
+# [m] The stiles of two framed doors stand out over their panels by more, also where a mesh has smeared them
 STILE = 0.0015
-"""[m] The stiles of two framed doors stand out over their panels by more, also where a mesh has smeared them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,18 +206,14 @@ def _handle(probability: np.ndarray, box: CellBox) -> CellBox | None:
     return CellBox(x + columns.start, y + rows.start, x + columns.stop, y + rows.stop)
 
 
-SHALLOW = 0.4
-"""[m] Shoe cabinets whose flaps tip forward are no deeper; sold ones have 0.17 to 0.35 m."""
+SHALLOW = 0.4  # [m] Shoe cabinets whose flaps tip forward are no deeper; sold ones have 0.17 to 0.35 m
+# A front at least this fraction as high as its furniture is deep is a flap: of 206 drawers of 29 virtual homes one is
 TALL = 0.8
-"""A front at least this fraction as high as its furniture is deep is a flap: of 206 drawers of 29 virtual homes one is."""
-WIDE = 1.3
-"""Width over height from which on a front is no box of a shelf, which is about as wide as high."""
+WIDE = 1.3  # Width over height from which on a front is no box of a shelf, which is about as wide as high
+# [m] How far behind a front the wall is looked for, and how thick it may seem
 NEAREST, FARTHEST, THICK = 0.1, 1.0, 0.02
-"""[m] How far behind a front the wall is looked for, and how thick it may seem."""
-STRIP = 0.1
-"""[m] Height of the strip of a wall that tells where it is."""
-FACING = 0.8
-"""Cosine between the wall and the front, at least."""
+STRIP = 0.1  # [m] Height of the strip of a wall that tells where it is
+FACING = 0.8  # Cosine between the wall and the front, at least
 
 
 def is_flap(region: FrontRegion, points: Points, density: float) -> bool:
@@ -252,12 +243,9 @@ def depth_behind(region: FrontRegion, points: Points, density: float) -> float |
     return float(np.median(depths[enough[-1] : enough[-1] + count])) if len(enough) else None
 
 
-SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}
-"""Index of a side in `joints.hinge_at`."""
-OVERLAP = 0.5
-"""Fraction of the smaller front that two proposals may share; the better one stays."""
-ALIGNED = 0.6
-"""Cosine between a face of a front and its plane, at least."""
+SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}  # Index of a side in `joints.hinge_at`
+OVERLAP = 0.5  # Fraction of the smaller front that two proposals may share; the better one stays
+ALIGNED = 0.6  # Cosine between a face of a front and its plane, at least
 
 
 def propose(

@@ -12,22 +12,22 @@ from s2a.annotate.files import BareScan
 from s2a.annotate.region import FrontRegion
 from s2a.scan import rest
 
+# Words of labels on whose surfaces a front is expected: furniture and appliances with drawers or doors
 OPENS = frozenset(
     "cabinet cabinetry cupboard dresser drawer wardrobe armoire closet nightstand sideboard commode credenza locker safe "
     "refrigerator fridge freezer oven stove dishwasher microwave washer washing dryer copier printer bedside vanity door".split()
 )
-"""Words of labels on whose surfaces a front is expected: furniture and appliances with drawers or doors."""
+# Words of labels on whose surfaces no front is: seats, beds, sanitary ware, textiles, the structure, and what hangs
+# on it
 CLOSED = frozenset(
     "couch sofa armchair chair stool ottoman bench bed mattress pillow cushion blanket toilet bathtub bidet urinal sink curtain "
     "drape blind wall floor ceiling column pillar beam carpet rug mat towel clothes picture painting poster whiteboard "
     "blackboard monitor screen tv television lamp plant person backpack bag basket guitar piano radiator heater stair "
     "staircase railing".split()
 )
-"""Words of labels on whose surfaces no front is: seats, beds, sanitary ware, textiles, the structure, and what hangs on it."""
+# Fraction of a front's area on such surfaces from which on it is dropped; annotators' borders are a few cm off
 MOSTLY = 0.3
-"""Fraction of a front's area on such surfaces from which on it is dropped; annotators' borders are a few cm off."""
-READY = 0.5
-"""The least score of a front on furniture that opens, as a fraction of the least score elsewhere."""
+READY = 0.5  # The least score of a front on furniture that opens, as a fraction of the least score elsewhere
 
 
 def opens(label: str) -> bool | None:

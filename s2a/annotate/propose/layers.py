@@ -34,30 +34,20 @@ class ProposeConfig:
     min_score: Fraction
 
 
+# [m] Median edge of the coarsest meshes for which `layer` holds, those of phones; longer ones smear planes by as much
+# more
 FINE = 0.03
-"""[m] Median edge of the coarsest meshes for which `layer` holds, those of phones; longer ones smear planes by as much more."""
-UPRIGHT = 0.35
-"""Largest vertical component of an upright face's normal: scans are rough."""
-BINS = 360
-"""Of the azimuths of normals."""
-DIRECTIONS = 12
-"""Azimuths at most; rooms have four, and furniture stands askew."""
-APART = np.radians(12.0)
-"""Between two azimuths."""
-MIN_PEAK = 0.02
-"""Fraction of the upright area that looks along an azimuth."""
-FACING = 0.85
-"""Cosine between a face of a plane and its normal."""
-STEP = 0.004
-"""[m] Bins of the offsets along an azimuth."""
-AHEAD = 0.09
-"""[m] A handle stands out by less."""
-WALL = 0.1
-"""[m] The sides of an open compartment stand out of its back by more, a door's frame by less."""
-BACKGROUND = 0.13
-"""[m] A handle is narrower than half of this."""
-CONNECTED = 0.02
-"""[m] Cells in which points lie beside each other."""
+UPRIGHT = 0.35  # Largest vertical component of an upright face's normal: scans are rough
+BINS = 360  # Of the azimuths of normals
+DIRECTIONS = 12  # Azimuths at most; rooms have four, and furniture stands askew
+APART = np.radians(12.0)  # Between two azimuths
+MIN_PEAK = 0.02  # Fraction of the upright area that looks along an azimuth
+FACING = 0.85  # Cosine between a face of a plane and its normal
+STEP = 0.004  # [m] Bins of the offsets along an azimuth
+AHEAD = 0.09  # [m] A handle stands out by less
+WALL = 0.1  # [m] The sides of an open compartment stand out of its back by more, a door's frame by less
+BACKGROUND = 0.13  # [m] A handle is narrower than half of this
+CONNECTED = 0.02  # [m] Cells in which points lie beside each other
 
 
 @dataclass(frozen=True, eq=False)

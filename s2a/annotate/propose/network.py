@@ -14,9 +14,10 @@ from s2a.annotate import region
 from s2a.annotate.propose.layers import Layer
 from s2a.core.errors import InputError
 
+# Of what the network sees of a cell: seen, RGB, height, what stands out, its relief, walls, height over the floor
 CHANNELS = 9
-"""Of what the network sees of a cell: seen, RGB, height, what stands out, its relief, walls, height over the floor."""
 Motion = tuple[Literal["slide"], region.Direction] | tuple[Literal["hinge"], Literal["right", "left", "top", "bottom"]]
+# How a front opens, as seen from the room: it slides somewhere, or turns about one of its sides
 MOTIONS: tuple[Motion, ...] = (
     ("slide", "out"),
     ("slide", "right"),
@@ -26,13 +27,10 @@ MOTIONS: tuple[Motion, ...] = (
     ("hinge", "top"),
     ("hinge", "bottom"),
 )
-"""How a front opens, as seen from the room: it slides somewhere, or turns about one of its sides."""
-COARSE = 2
-"""Cells of the image in a cell of the network."""
+COARSE = 2  # Cells of the image in a cell of the network
+# Channels at the network's cells, and at each halving: a cell of the last covers 32 of the image
 WIDTHS = (32, 48, 64, 96, 96)
-"""Channels at the network's cells, and at each halving: a cell of the last covers 32 of the image."""
-MULTIPLE = COARSE * 2 ** (len(WIDTHS) - 1)
-"""Rows and columns of what the network takes are multiples."""
+MULTIPLE = COARSE * 2 ** (len(WIDTHS) - 1)  # Rows and columns of what the network takes are multiples
 FILE = Path(__file__).with_name("fronts.pt")
 
 

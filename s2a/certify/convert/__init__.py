@@ -16,8 +16,7 @@ from s2a.core.outputs import Output, atomic_write, refuse_loss
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.solver import SimConfig
 
-WRITERS = {"mjcf": mjcf, "urdf": urdf}
-"""Formats by name; FILE of each is the file to load."""
+WRITERS = {"mjcf": mjcf, "urdf": urdf}  # Formats by name; FILE of each is the file to load
 
 
 @dataclass(frozen=True)

@@ -20,12 +20,9 @@ from s2a.sim.room import add_room, carrier_of, kept_bodies, owner
 from s2a.sim.solver import SimConfig
 from s2a.sim.world import empty_world, joint_index, stiffen
 
-STATIC = "static"
-"""Id of the link that is the room itself."""
-ALL = "all"
-"""Stands for every articulated part and free object."""
-MIN_AREA = 1e-8
-"""[m^2] A tenth of a millimetre squared: less is not seen."""
+STATIC = "static"  # Id of the link that is the room itself
+ALL = "all"  # Stands for every articulated part and free object
+MIN_AREA = 1e-8  # [m^2] A tenth of a millimetre squared: less is not seen
 
 
 @dataclass(frozen=True)
@@ -120,8 +117,7 @@ def _add_visuals(links: dict[str, Link], room: SimRoom, bodies: Sequence[str]) -
         links[link].visuals[body.id] = Mesh(points, body.visual.faces, body.visual.colors)
 
 
-FOLDER = "meshes"
-"""Of the mesh files, beside the file of the room."""
+FOLDER = "meshes"  # Of the mesh files, beside the file of the room
 
 
 def write_hull(path: Path, mesh: Mesh) -> None:

@@ -18,13 +18,10 @@ from s2a.scene.usd.stage import ROOT
 from s2a.sim.solver import SimConfig, make_solver
 
 FILE = "room.xml"
-PREFIX = f"{ROOT}/".replace("/", "_")
-"""Newton's names of bodies and joints begin with it."""
+PREFIX = f"{ROOT}/".replace("/", "_")  # Newton's names of bodies and joints begin with it
 MASKS = ("contype", "conaffinity")
-INLINE = ("vertex", "face")
-"""What Newton writes of a mesh into the XML, with six digits."""
-HULL, SURFACE = "3", "2"
-"""Groups of geoms, as in mujoco_menagerie: viewers show 0 to 2."""
+INLINE = ("vertex", "face")  # What Newton writes of a mesh into the XML, with six digits
+HULL, SURFACE = "3", "2"  # Groups of geoms, as in mujoco_menagerie: viewers show 0 to 2
 
 
 def write(linked: LinkedRoom, config: SimConfig, folder: Path) -> None:

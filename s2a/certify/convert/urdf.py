@@ -22,10 +22,10 @@ from s2a.sim.room import carrier_of
 from s2a.sim.solver import SimConfig
 
 FILE, PAIRS = "room.urdf", "room.srdf"
-WORLD = "world"
-"""Name of the root link, by which PyBullet knows that it does not move."""
+WORLD = "world"  # Name of the root link, by which PyBullet knows that it does not move
+# URDF requires limits of a joint's motor [N or N m] and speed [m/s or rad/s]; no furniture has them, and these limit
+# nothing
 EFFORT, VELOCITY = "1000", "10"
-"""URDF requires limits of a joint's motor [N or N m] and speed [m/s or rad/s]; no furniture has them, and these limit nothing."""
 
 Element = ElementTree.Element
 

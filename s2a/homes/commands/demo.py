@@ -17,10 +17,8 @@ from rich.progress import BarColumn, Progress, TextColumn
 from s2a.core.errors import InputError
 
 PART = "part=drawer_15"
-WIDTH = 120
-"""[character] Of a line that goes to a file or a pipe."""
-TICK = 0.5
-"""[s] Between two looks at the clock."""
+WIDTH = 120  # [character] Of a line that goes to a file or a pipe
+TICK = 0.5  # [s] Between two looks at the clock
 
 
 @dataclass(frozen=True)

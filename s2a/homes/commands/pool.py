@@ -71,8 +71,8 @@ class Config:
     planner: PlannerConfig
 
 
+# Keys that say which rooms and parts, not what a room is like
 WHICH = ("rooms", "first", "count", "homes", "scans", "leave_out")
-"""Keys that say which rooms and parts, not what a room is like."""
 
 
 def run(config: Config) -> str:

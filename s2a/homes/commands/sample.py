@@ -9,8 +9,7 @@ from s2a.homes.sample import SampleConfig, sample
 
 Config = SampleConfig
 
-TRUTH = "truth/truth.json"
-"""By this file, which no real scan has, a folder is known to be an earlier sample."""
+TRUTH = "truth/truth.json"  # By this file, which no real scan has, a folder is known to be an earlier sample
 
 
 def run(config: Config) -> str:

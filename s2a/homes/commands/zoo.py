@@ -13,8 +13,8 @@ from s2a.core.progress import track
 from s2a.homes.zoo import zoo
 from s2a.homes.zoo.download import UNITS, WRITERS, Download, download
 
+# The ground truth, which no user of the objects may read; it identifies a folder as an earlier zoo
 TRUTH = "truth.json"
-"""The ground truth, which no user of the objects may read; it identifies a folder as an earlier zoo."""
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from s2a.scan.gltf_file import container
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import save
 
+# What USD can say of a stage; of a mesh with another up axis its file says y, as careless exporters do
 UP_AXES = {"+y": UsdGeom.Tokens.y, "+z": UsdGeom.Tokens.z}
-"""What USD can say of a stage; of a mesh with another up axis its file says y, as careless exporters do."""
 
 
 def write_obj(path: Path, mesh: Mesh, unit: float, up: str) -> None:
@@ -95,6 +95,7 @@ def write_usda(path: Path, mesh: Mesh, unit: float, up: str) -> None:
     save(stage, path)
 
 
+# The ending of each format, and what writes (path, mesh, metres in a unit, up axis)
 WRITERS: dict[str, tuple[str, Callable[[Path, Mesh, float, str], None]]] = {
     "obj with vertex colours": (".obj", write_obj),
     "obj with materials": (".obj", write_obj_mtl),
@@ -102,7 +103,6 @@ WRITERS: dict[str, tuple[str, Callable[[Path, Mesh, float, str], None]]] = {
     "glb": (".glb", write_glb),
     "usda": (".usda", write_usda),
 }
-"""The ending of each format, and what writes (path, mesh, metres in a unit, up axis)."""
 
 
 def _colors(mesh: Mesh) -> np.ndarray:
@@ -118,16 +118,14 @@ def _faces(faces: np.ndarray) -> list[str]:
 
 T = TypeVar("T")
 
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
-"""Metres in each."""
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}  # Metres in each
+# How the z axis is turned to each up axis: a vector of rotation [rad]
 UPS = {"+y": (-np.pi / 2, 0.0, 0.0), "+z": (0.0, 0.0, 0.0), "+x": (0.0, np.pi / 2, 0.0)}
-"""How the z axis is turned to each up axis: a vector of rotation [rad]."""
+# What is at zero: the middle of the underside, the middle, the lowest corner, or nothing near
 ORIGINS = ("base", "centre", "corner", "far")
-"""What is at zero: the middle of the underside, the middle, the lowest corner, or nothing near."""
-FAR = (3.2, -1.7, 0.6)
-"""Where the middle of the underside is for the last [m]."""
+FAR = (3.2, -1.7, 0.6)  # Where the middle of the underside is for the last [m]
+# This many objects of a hundred; the others are clean
 FLAWS = (*["duplicated vertices"] * 6, "inconsistent winding", "non-manifold edge")
-"""This many objects of a hundred; the others are clean."""
 
 
 @dataclass(frozen=True)

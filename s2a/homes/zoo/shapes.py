@@ -29,8 +29,7 @@ from s2a.homes.solids import (
     translation,
 )
 
-LETTERS = 12
-"""Size of the font that letters are drawn in, each of whose dots becomes part of a box."""
+LETTERS = 12  # Size of the font that letters are drawn in, each of whose dots becomes part of a box
 
 
 def put(
@@ -234,8 +233,8 @@ BRONZE, CHOCOLATE, WINE, BOTTLE = (186, 118, 56), (74, 40, 24), (122, 24, 44), (
 CREAM, TAN, BEECH, BROWN = (248, 236, 206), (214, 178, 128), (206, 160, 104), (134, 84, 44)
 WALNUT, GOLD, COPPER = (84, 52, 32), (218, 172, 60), (190, 110, 70)
 
+# The kinds of places that objects belong to, in the order in which the zoo has them
 Category = Literal["bathroom", "kitchen", "bedroom", "stationery", "living room"]
-"""The kinds of places that objects belong to, in the order in which the zoo has them."""
 Placement = Literal["on", "against wall", "hanging", "inside"]
 
 
@@ -256,8 +255,7 @@ class ZooObject:
 
 
 Maker = Callable[[], Surface]
-MAKERS: list[Callable[[], ZooObject]] = []
-"""What makes the objects of the modules that were imported."""
+MAKERS: list[Callable[[], ZooObject]] = []  # What makes the objects of the modules that were imported
 
 
 def zoo_object(

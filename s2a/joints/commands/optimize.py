@@ -19,8 +19,7 @@ from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 
-KNOTS = 6
-"""Four coefficients are bound by rest at both ends."""
+KNOTS = 6  # Four coefficients are bound by rest at both ends
 
 
 @dataclass(frozen=True)

@@ -27,10 +27,8 @@ from s2a.sim.recorder import Recorder
 from s2a.sim.world import SimStage, axis_of
 from s2a.tasks.env import VecEnv
 
-ABOUT = "meta/s2a.json"
-"""What a dataset is of; the first file that is written."""
-UNFINISHED = ".unfinished_"
-"""What the names of folders with images of episodes that are not finished begin with."""
+ABOUT = "meta/s2a.json"  # What a dataset is of; the first file that is written
+UNFINISHED = ".unfinished_"  # What the names of folders with images of episodes that are not finished begin with
 REPLAY = "replay/episode_{index:06d}.npz"
 
 
@@ -121,8 +119,7 @@ def read_replay(root: Path, index: int) -> tuple[dict[str, np.ndarray], np.ndarr
 
 Stage = TypeVar("Stage", bound=SimStage)
 STAGE = "meta/stage.json"
-OF_THE_ROOM = ("path", "room")
-"""What is read of the room's file."""
+OF_THE_ROOM = ("path", "room")  # What is read of the room's file
 
 
 def write_stage(stage: SimStage, root: Path) -> None:

@@ -22,13 +22,12 @@ from s2a.learn.collect.episodes import Episode, Features, is_foreign, write_repl
 from s2a.learn.collect.video import QUANTILES, ColourVideo, ImageFile, LosslessVideo, quantiles
 
 VERSION = "v3.0"
-CHUNK = 1000
-"""Files in a folder."""
+CHUNK = 1000  # Files in a folder
 FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 DATA, VIDEO = f"data/{FILE}.parquet", f"videos/{{video_key}}/{FILE}.mp4"
 EPISODES = f"meta/episodes/{FILE}.parquet"
+# Columns of every dataset, beside "timestamp"
 COUNTED = {name: "int64" for name in ("frame_index", "episode_index", "index", "task_index")}
-"""Columns of every dataset, beside "timestamp"."""
 Stats = dict[str, dict[str, Any]]
 
 

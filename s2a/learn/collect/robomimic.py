@@ -22,12 +22,10 @@ from s2a.learn.collect.video import LEVEL, DeflatedImages, ImageFile, Images
 
 INDEX = "demos.hdf5"
 EPISODE = "episodes/demo_{index}.hdf5"
+# As robosuite calls them, whose datasets robomimic comes with
 NAMES = {"image": "{camera}_image", "depth": "{camera}_depth", "instances": "{camera}_segmentation_instance"}
-"""As robosuite calls them, whose datasets robomimic comes with."""
-GYM_TYPE = 2
-"""robomimic's number for environments of Gymnasium."""
-HELD_OUT = 10
-"""Every so many episodes are those that the mask "valid" names."""
+GYM_TYPE = 2  # robomimic's number for environments of Gymnasium
+HELD_OUT = 10  # Every so many episodes are those that the mask "valid" names
 
 
 class Robomimic:

@@ -19,14 +19,12 @@ import numpy as np
 from s2a.core.errors import InputError
 from s2a.core.outputs import FULL
 
+# Every second frame can be read without the one before it, as LeRobot writes its own: learners read single frames
 KEYFRAMES = 2
-"""Every second frame can be read without the one before it, as LeRobot writes its own: learners read single frames."""
+# What LeRobot keeps, which some policies normalise by
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-"""What LeRobot keeps, which some policies normalise by."""
-BINS = 5000
-"""Of the histogram by which LeRobot estimates them."""
-LEVEL = 1
-"""Of zlib: the fastest."""
+BINS = 5000  # Of the histogram by which LeRobot estimates them
+LEVEL = 1  # Of zlib: the fastest
 
 
 @dataclass(frozen=True)
@@ -172,10 +170,8 @@ def _finish(file: Any, stream: Any) -> None:
     file.close()
 
 
-Key = tuple[str, str]
-"""Camera, and kind of image: "image", "depth" or "instances"."""
-SLOTS = 3
-"""Frames of all worlds that can wait to be encoded."""
+Key = tuple[str, str]  # Camera, and kind of image: "image", "depth" or "instances"
+SLOTS = 3  # Frames of all worlds that can wait to be encoded
 CHANNELS = {"image": (np.uint8, (3,)), "depth": (np.uint16, ()), "instances": (np.uint16, ())}
 
 

@@ -22,8 +22,7 @@ from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
 from s2a.sim.world import SimStage
 
-SAME = 1e-4
-"""[m] A ray meets a triangle at the same distance in two search trees, but for rounding."""
+SAME = 1e-4  # [m] A ray meets a triangle at the same distance in two search trees, but for rounding
 
 
 class VisibleRoom:
@@ -56,16 +55,11 @@ class VisibleRoom:
         return own <= hits + SAME
 
 
-ATTEMPTS = 40
-"""Places that are drawn for a camera."""
-VISIBLE = 0.3
-"""Fraction of the grasp region's points that a place has to see."""
-REGION_POINTS = 48
-"""Points of the grasp region that are asked for."""
-OWN_SURFACE = 0.01
-"""[m] So much before a point, a surface no longer hides it: it may be its own."""
-MARGIN = 0.15
-"""Fraction of the part's extent in the image by which it is cut out wider."""
+ATTEMPTS = 40  # Places that are drawn for a camera
+VISIBLE = 0.3  # Fraction of the grasp region's points that a place has to see
+REGION_POINTS = 48  # Points of the grasp region that are asked for
+OWN_SURFACE = 0.01  # [m] So much before a point, a surface no longer hides it: it may be its own
+MARGIN = 0.15  # Fraction of the part's extent in the image by which it is cut out wider
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,14 +216,11 @@ def _sphere_hits(eye: np.ndarray, rays: np.ndarray, centers: np.ndarray, radii: 
     return nearest
 
 
-PLANES = 64
-"""Planes through three points that are tried for the front."""
+PLANES = 64  # Planes through three points that are tried for the front
+# [m] Distance from the front's plane up to which a point is of the front: three standard deviations of depth at 1 m
 FLAT = 0.006
-"""[m] Distance from the front's plane up to which a point is of the front: three standard deviations of depth at 1 m."""
-AROUND = 0.15
-"""Fraction of the points that lie beside the part."""
-PROTRUDING = 0.5
-"""Fraction of the points that stand out of the front, at most."""
+AROUND = 0.15  # Fraction of the points that lie beside the part
+PROTRUDING = 0.5  # Fraction of the points that stand out of the front, at most
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,10 @@ from s2a.sim.world import SimStage
 from s2a.tasks import pool
 from s2a.tasks.mdp.seen import DIRECTIONS, NUMBERS, SIDEWAYS
 
-FEATURES = 5
-"""Numbers of a point: place [m], 1 on the part, height above the front [m]."""
-NEAR = 256
-"""Points about the grasp point that are seen a second time."""
+FEATURES = 5  # Numbers of a point: place [m], 1 on the part, height above the front [m]
+NEAR = 256  # Points about the grasp point that are seen a second time
+# [1/m] Scales of places and heights, which bring them to about 1; near the grasp places are scaled as heights
 PLACE, HEIGHT = 4.0, 20.0
-"""[1/m] Scales of places and heights, which bring them to about 1; near the grasp places are scaled as heights."""
 CENTIMETRES = 0.01
 
 
@@ -210,14 +208,10 @@ def train(
     return network.eval(), curve
 
 
-PRETRAINED = "pretrained"
-"""Names the network that comes with s2a."""
-ESTIMATES = ".npz"
-"""Ending of a file of estimates; other files hold a network."""
-ROOM_ESTIMATES = 4
-"""Made of a room's part; each episode is told one of them."""
-BATCH = 256
-"""Clouds that the network sees at once."""
+PRETRAINED = "pretrained"  # Names the network that comes with s2a
+ESTIMATES = ".npz"  # Ending of a file of estimates; other files hold a network
+ROOM_ESTIMATES = 4  # Made of a room's part; each episode is told one of them
+BATCH = 256  # Clouds that the network sees at once
 
 
 class Perception:

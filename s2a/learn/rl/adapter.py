@@ -13,13 +13,11 @@ from s2a.motion.policy import Planner
 from s2a.tasks.env import VecEnv
 from s2a.tasks.state import ERRORS
 
+# Factor a control step by which finished episodes count less in the logged rates: about two episodes' length
 RECENT = 0.999
-"""Factor a control step by which finished episodes count less in the logged rates: about two episodes' length."""
 
-TERM = "rew_"
-"""Prefix of the reward terms among what is logged."""
-TEACHER = "teacher"
-"""Name of the teacher's actions among the observations."""
+TERM = "rew_"  # Prefix of the reward terms among what is logged
+TEACHER = "teacher"  # Name of the teacher's actions among the observations
 
 
 class RslRlEnv(RslRlVecEnv):

@@ -12,11 +12,11 @@ import torch
 from s2a.core.bounds import Count, CountFromZero, Fraction, NotEmpty, NotNegative, Positive
 from s2a.core.errors import InputError
 
+# What ends a training before it is saved
 BROKEN = (
     "the policy has non-finite parameters; go on from the last checkpoint (resume=true), or train again with a smaller "
     "ppo.learning_rate or ppo.reward_scale"
 )
-"""What ends a training before it is saved."""
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,11 @@ class PpoConfig:
     tf32: bool
 
 
+# Settings that rsl-rl's algorithm has under the same name
 OF_THE_ALGORITHM = (
     "num_learning_epochs", "num_mini_batches", "learning_rate", "desired_kl", "gamma", "lam", "clip_param",
     "use_clipped_value_loss", "value_loss_coef", "entropy_coef", "max_grad_norm",
 )  # fmt: skip
-"""Settings that rsl-rl's algorithm has under the same name."""
 
 
 def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, Any]:

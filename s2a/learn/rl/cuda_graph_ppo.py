@@ -22,8 +22,7 @@ from s2a.learn.rl import config
 from s2a.learn.rl.adapter import TEACHER
 from s2a.learn.rl.config import BROKEN
 
-LOWEST_RATE = 1e-5
-"""Down to which the learning rate adapts, as rsl-rl has it."""
+LOWEST_RATE = 1e-5  # Down to which the learning rate adapts, as rsl-rl has it
 
 
 class LazyGaussian(GaussianDistribution):

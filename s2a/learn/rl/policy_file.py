@@ -26,14 +26,11 @@ if TYPE_CHECKING:
     import onnxruntime
 
 _log = logging.getLogger(__name__)
-PRETRAINED = "pretrained"
-"""Names the policy that comes with s2a."""
-NORMALIZER_EPS = 1e-2
-"""What rsl-rl's normaliser adds to a deviation."""
+PRETRAINED = "pretrained"  # Names the policy that comes with s2a
+NORMALIZER_EPS = 1e-2  # What rsl-rl's normaliser adds to a deviation
+# Observations that an exported normaliser is taken to be of: the first ones of a new run shall not move it
 OBSERVED = 100_000_000
-"""Observations that an exported normaliser is taken to be of: the first ones of a new run shall not move it."""
-WORLD = "s2a.world"
-"""Key of the file's metadata: world.json of the run."""
+WORLD = "s2a.world"  # Key of the file's metadata: world.json of the run
 
 
 class PolicyFile:

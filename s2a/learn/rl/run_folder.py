@@ -29,14 +29,14 @@ from s2a.tasks.base import MdpConfig
 
 SETTINGS = "settings.json"
 STARTS = "starts.json"
-BEST = "model_best.pt"
-"""Copy of the checkpoint with the best score so far."""
+BEST = "model_best.pt"  # Copy of the checkpoint with the best score so far
+# Keys that may change when a run goes on
 FREE = ("init", "resume", "device", "export", "out", "ppo.iterations", "ppo.save_interval", "ppo.target")
-"""Keys that may change when a run goes on."""
 
 _log = logging.getLogger(__name__)
 logging.getLogger("tensorboard").setLevel(logging.ERROR)  # it warns of every iteration that `cut` made it forget
 
+# Dotted key that older runs did not have -> the value by which they ran
 ADDED = {
     "sim.joint.spring": "joint",
     "sim.limits.drives": False,
@@ -55,7 +55,6 @@ ADDED = {
     "ppo.tf32": False,
     "ppo.target": None,
 }
-"""Dotted key that older runs did not have -> the value by which they ran."""
 
 
 def complete(values: dict[str, Any]) -> None:

@@ -12,32 +12,21 @@ from s2a.scene.geometry.convex import hull
 from s2a.scene.geometry.mesh_ops import sample
 from s2a.scene.scene import Mesh
 
-SAMPLES = 40000
-"""Points by which a bar is asked."""
-HEAD = 0.006
-"""[m] Depth from the outermost point within which a scan shows a bar as it is."""
-FLANK = 0.009
-"""[m] Depth within which its sides are as far apart as they are."""
-SHALLOWEST = 0.008
-"""[m] Least depth of a bar; scans may show its outer face alone."""
+SAMPLES = 40000  # Points by which a bar is asked
+HEAD = 0.006  # [m] Depth from the outermost point within which a scan shows a bar as it is
+FLANK = 0.009  # [m] Depth within which its sides are as far apart as they are
+SHALLOWEST = 0.008  # [m] Least depth of a bar; scans may show its outer face alone
+# [m] Space behind any bar, since people's fingers go there: what a scan shows nearer to the front is a shadow
 GAP = 0.021
-"""[m] Space behind any bar, since people's fingers go there: what a scan shows nearer to the front is a shadow."""
-SPAN = 0.5
-"""Share of a bar's length, in its middle, that stands free but for a short post."""
-MARGIN = 0.001
-"""[m] How far from a bar's edges its surface still is its own."""
-UNEVEN = 0.0005
-"""[m] How much more one side of a bar may flare out than the other that is like it."""
+SPAN = 0.5  # Share of a bar's length, in its middle, that stands free but for a short post
+MARGIN = 0.001  # [m] How far from a bar's edges its surface still is its own
+UNEVEN = 0.0005  # [m] How much more one side of a bar may flare out than the other that is like it
+# [m] Slices whose sections differ by less, from noise, become one piece; so much may a straight bar seem to bend
 LIKE = 0.002
-"""[m] Slices whose sections differ by less, from noise, become one piece; so much may a straight bar seem to bend."""
-DRAWN = 0.0011
-"""[m] A side that draws in by more has ended, and only its shadow goes on."""
-SEEN = 0.3
-"""Share of a side's densest points with which it goes on; fewer are a post's."""
-STEP = 0.001
-"""[m] Depths at which sides are asked."""
-MIN_POINTS = 40
-"""A slice with fewer points says nothing."""
+DRAWN = 0.0011  # [m] A side that draws in by more has ended, and only its shadow goes on
+SEEN = 0.3  # Share of a side's densest points with which it goes on; fewer are a post's
+STEP = 0.001  # [m] Depths at which sides are asked
+MIN_POINTS = 40  # A slice with fewer points says nothing
 
 
 @dataclass(frozen=True)
@@ -152,12 +141,10 @@ def _side_end(out: np.ndarray, deep: np.ndarray, depths: np.ndarray) -> tuple[fl
     return float(depth), max(reaches) - reaches[0] if reaches else 0.0
 
 
+# Largest length of a post in the middle, as a fraction of the bar's length; a longer one is a web
 MAX_POST_LENGTH = 0.3
-"""Largest length of a post in the middle, as a fraction of the bar's length; a longer one is a web."""
-SIDES = 16
-"""Of a prism that stands for a piece of a bar."""
-TAIL = 0.03
-"""Fraction of the points that may be outside of it in each direction."""
+SIDES = 16  # Of a prism that stands for a piece of a bar
+TAIL = 0.03  # Fraction of the points that may be outside of it in each direction
 
 
 def bar_hulls(

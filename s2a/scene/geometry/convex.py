@@ -18,17 +18,14 @@ from s2a.scene.articulation import displace
 from s2a.scene.geometry.mesh_ops import keep, weld
 from s2a.scene.scene import Joint, Mesh
 
-FLAT = 1e-3
-"""[m] Pieces thinner than this are thickened to it: Qhull and MuJoCo refuse flat ones."""
+FLAT = 1e-3  # [m] Pieces thinner than this are thickened to it: Qhull and MuJoCo refuse flat ones
+# [m] Pieces whose intersection holds no larger ball are apart: the limit of float32. A sharp edge whose ball has a
+# tenth of a millimetre reaches in by several
 APART = 1e-6
-"""[m] Pieces whose intersection holds no larger ball are apart: the limit of float32. A sharp edge whose ball has a tenth of a
-millimetre reaches in by several."""
-MARGIN = 1e-4
-"""[m] Distance of what is cut from what it is cut free of."""
-CLEARLY = 1e-6
-"""[m] Gap at a face between pieces that are apart beyond the tolerance of the linear program."""
+MARGIN = 1e-4  # [m] Distance of what is cut from what it is cut free of
+CLEARLY = 1e-6  # [m] Gap at a face between pieces that are apart beyond the tolerance of the linear program
+# Points inside of a piece by which the planes that it can be cut at are compared, and how many of these are tried
 INSIDE, TRIED = 256, 8
-"""Points inside of a piece by which the planes that it can be cut at are compared, and how many of these are tried."""
 
 
 def hull(points: np.ndarray, max_vertices: int | None = None, thickness: float = FLAT) -> Mesh | None:

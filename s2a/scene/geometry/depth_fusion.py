@@ -18,8 +18,7 @@ from s2a.core.workers import chunks, in_parallel
 from s2a.scene.geometry.surface_nets import UNKNOWN, Field, extract, mark_blocks, voxel_place
 from s2a.scene.scene import Mesh
 
-GREY = 170
-"""Level of a surface that no colour image saw."""
+GREY = 170  # Level of a surface that no colour image saw
 
 _BLOCK = 4  # voxels along the edge of a block
 _REACH = 2.0  # [voxel]; blocks this near to a measured point are stored

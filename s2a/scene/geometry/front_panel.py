@@ -22,16 +22,11 @@ from s2a.scene.geometry.mesh_ops import (
 from s2a.scene.geometry.planes import fit_plane, min_area_rectangle, plane_axes
 from s2a.scene.scene import Mesh
 
-SEARCH_RADIUS = 0.04
-"""[m] Search radius for the panel around the handle."""
-SAMPLES = 40000
-"""Points sampled on a panel."""
-MOST = 0.4
-"""Fraction of a panel's surface that faces outwards; of a lid, whose edge faces the gripper, a tenth does."""
-STRAY = 0.004
-"""[m] What stands out of the front by more than this, close to the handle, is no front."""
-FLUSH = 0.003
-"""[m] What stands out of the front by less than this is no handle."""
+SEARCH_RADIUS = 0.04  # [m] Search radius for the panel around the handle
+SAMPLES = 40000  # Points sampled on a panel
+MOST = 0.4  # Fraction of a panel's surface that faces outwards; of a lid, whose edge faces the gripper, a tenth does
+STRAY = 0.004  # [m] What stands out of the front by more than this, close to the handle, is no front
+FLUSH = 0.003  # [m] What stands out of the front by less than this is no handle
 
 
 def front_behind(front: Mesh, region: Mesh, frame: np.ndarray) -> tuple[np.ndarray, float] | None:
@@ -152,14 +147,10 @@ def reassign_border(front: Mesh, region: Mesh, frame: np.ndarray, plane: tuple[n
     return keep(front, ~stray), handle
 
 
-SHALLOWEST = 0.006
-"""[m] Pockets that are not so deep give no hold: a fingertip's edge is rounded, and scans are noisy."""
-WALL = 0.004
-"""[m] Thickness of the walls and the floor as colliders."""
-FACING = 0.7
-"""Of a face's normal with the front's, from which on it is the pocket's floor; less: a wall."""
-AHEAD = 0.02
-"""[m] How far before the front the space of the pocket is kept free."""
+SHALLOWEST = 0.006  # [m] Pockets that are not so deep give no hold: a fingertip's edge is rounded, and scans are noisy
+WALL = 0.004  # [m] Thickness of the walls and the floor as colliders
+FACING = 0.7  # Of a face's normal with the front's, from which on it is the pocket's floor; less: a wall
+AHEAD = 0.02  # [m] How far before the front the space of the pocket is kept free
 
 
 @dataclass(frozen=True)
@@ -215,14 +206,11 @@ def pocket_hulls(pocket: Pocket) -> list[Mesh]:
     return subtract(box(center, pocket.frame, np.array([*(pocket.size + 2 * WALL), deep])), pocket.space())
 
 
-FINGER_WIDTH = 0.02
-"""[m] Width of the space that is kept free for a finger of any gripper, along the handle."""
+FINGER_WIDTH = 0.02  # [m] Width of the space that is kept free for a finger of any gripper, along the handle
+# [m] Its extent across the handle, on either side; certify measures with the boxes of the robot's own fingers
 FINGER_DEPTH = 0.015
-"""[m] Its extent across the handle, on either side; certify measures with the boxes of the robot's own fingers."""
-CLEARANCE = 0.002
-"""[m] What fingers keep from the front; a scan is not surer than that."""
-GAP_SAMPLES = 20000
-"""Points by which a handle is asked."""
+CLEARANCE = 0.002  # [m] What fingers keep from the front; a scan is not surer than that
+GAP_SAMPLES = 20000  # Points by which a handle is asked
 
 
 @dataclass(frozen=True)

@@ -13,38 +13,23 @@ from s2a.scene.geometry.convex import hull
 from s2a.scene.geometry.mesh_ops import normals, sample_with_faces
 from s2a.scene.scene import Mesh
 
-SAMPLES = 40000
-"""Points sampled on a knob."""
-HEAD = 0.006
-"""[m] Depth from its face within which a scan shows a knob's side as it is."""
-STEP = 0.0015
-"""[m] Depths at which the radius is taken."""
-SECTORS = 16
-"""Around the axis; also the sides of the prisms that stand for a knob."""
-ROUND = 0.15
-"""Largest deviation of a round handle from a circle, root mean square, as a fraction of its radius."""
-TOLERANCE = 0.0005
-"""[m] How far a piece's side may be from the profile."""
-MIN_POINTS = 20
-"""Smallest number of points of a usable sector."""
-TRUER = 0.12
-"""Fraction of a knob's sides that flare out least; behind its head these show it, and the others skirts."""
-UPRIGHT = 0.4
-"""Sides lean by less than this (sine) where they are no skirts, nor the corner to the face."""
-FLAT = 0.95
-"""Cosine to its axis of what counts as a knob's face; noise makes the outermost of it stand out."""
-CORNER = 0.0025
-"""[m] Depth within which a scan rounds the corner between face and side off."""
-UNEVEN = 0.0008
-"""[m] How much more a side of a head may flare out than those that do least."""
-DRAWN = 0.0011
-"""[m] A head has ended where it draws in by more than this."""
-STALK = 0.75
-"""A stalk's radius is less than this fraction of its head's."""
-THIN = 0.2
-"""Fraction of a stalk's length that is as thin as it is."""
+SAMPLES = 40000  # Points sampled on a knob
+HEAD = 0.006  # [m] Depth from its face within which a scan shows a knob's side as it is
+STEP = 0.0015  # [m] Depths at which the radius is taken
+SECTORS = 16  # Around the axis; also the sides of the prisms that stand for a knob
+ROUND = 0.15  # Largest deviation of a round handle from a circle, root mean square, as a fraction of its radius
+TOLERANCE = 0.0005  # [m] How far a piece's side may be from the profile
+MIN_POINTS = 20  # Smallest number of points of a usable sector
+TRUER = 0.12  # Fraction of a knob's sides that flare out least; behind its head these show it, and the others skirts
+UPRIGHT = 0.4  # Sides lean by less than this (sine) where they are no skirts, nor the corner to the face
+FLAT = 0.95  # Cosine to its axis of what counts as a knob's face; noise makes the outermost of it stand out
+CORNER = 0.0025  # [m] Depth within which a scan rounds the corner between face and side off
+UNEVEN = 0.0008  # [m] How much more a side of a head may flare out than those that do least
+DRAWN = 0.0011  # [m] A head has ended where it draws in by more than this
+STALK = 0.75  # A stalk's radius is less than this fraction of its head's
+THIN = 0.2  # Fraction of a stalk's length that is as thin as it is
+# From a head's end on, a stalk's profile lies below a cone's by more than this fraction of what the cone narrows by
 SAG = 0.03
-"""From a head's end on, a stalk's profile lies below a cone's by more than this fraction of what the cone narrows by."""
 
 
 def knob_hulls(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:

@@ -10,8 +10,7 @@ import numpy as np
 
 from s2a.scene.scene import Mesh, crosses
 
-GREY = 180
-"""Colour of a surface without colours, once it is merged with coloured ones."""
+GREY = 180  # Colour of a surface without colours, once it is merged with coloured ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +154,7 @@ def extents(mesh: Mesh, axes: np.ndarray, tail: float = 0.005) -> tuple[np.ndarr
     return np.array(low), np.array(high)
 
 
-BLOCK = 4
-"""Texels along a triangle's edge in the texture."""
+BLOCK = 4  # Texels along a triangle's edge in the texture
 
 
 def bake(faces: np.ndarray, colors: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

@@ -11,8 +11,7 @@ from scipy import ndimage
 
 from s2a.scene.scene import Mesh
 
-NOTHING = 1.0e6
-"""[m] Height where there is no surface."""
+NOTHING = 1.0e6  # [m] Height where there is no surface
 
 
 @dataclass(frozen=True)

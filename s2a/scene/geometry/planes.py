@@ -13,8 +13,7 @@ from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_ops import centroids, normals
 from s2a.scene.scene import Mesh
 
-TILT = 0.8
-"""Cosine of the largest angle between a face and the plane it belongs to (37°: faces of a scan are rough)."""
+TILT = 0.8  # Cosine of the largest angle between a face and the plane it belongs to (37°: faces of a scan are rough)
 
 
 @dataclass(frozen=True)

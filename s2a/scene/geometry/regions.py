@@ -18,8 +18,9 @@ from s2a.scene.geometry.planes import Plane, find_planes, plane_axes
 from s2a.scene.scene import Mesh
 
 UP = np.array([0.0, 0.0, 1.0])
+# Faces whose own normal is tilted by more than 60° are excluded from the smoothing, which would soften the edges of
+# steps
 ROUGH = 0.5
-"""Faces whose own normal is tilted by more than 60° are excluded from the smoothing, which would soften the edges of steps."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +128,8 @@ def _fit_level(points: np.ndarray, weights: np.ndarray, slope: float) -> tuple[n
 
 Kind = Literal["horizontal", "vertical", "inside"]
 KINDS: tuple[Kind, ...] = ("horizontal", "inside", "vertical")
+# Clearance above each cell [m], and if the surface that bounds it is seen from behind, shape [row column] each
 Above = tuple[np.ndarray, np.ndarray]
-"""Clearance above each cell [m], and if the surface that bounds it is seen from behind, shape [row column] each."""
 
 
 @dataclass(frozen=True)

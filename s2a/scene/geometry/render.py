@@ -14,13 +14,10 @@ from s2a.scene.geometry.mesh_ops import merge, painted
 from s2a.scene.geometry.mesh_query import ray_mesh
 from s2a.scene.scene import Mesh
 
-GREY = (170, 174, 180)
-"""RGB of surfaces without colours."""
+GREY = (170, 174, 180)  # RGB of surfaces without colours
 BACKGROUND = (255, 255, 255)
-GAMMA = 2.2
-"""Light adds up linearly; the colours of scans and images are its GAMMA-th root."""
-SHADOW_GAP = 0.004
-"""Rays to the light start this far above the surface [m]: the noise of a scan would shade itself."""
+GAMMA = 2.2  # Light adds up linearly; the colours of scans and images are its GAMMA-th root
+SHADOW_GAP = 0.004  # Rays to the light start this far above the surface [m]: the noise of a scan would shade itself
 
 
 @wp.struct
@@ -137,8 +134,7 @@ CAMERA = OrbitCamera(
     margin=1.05,
     backface_culling=True,
 )
-COLORS = ((220, 50, 40), (40, 160, 60), (40, 80, 220))
-"""RGB of the axes x, y and z."""
+COLORS = ((220, 50, 40), (40, 160, 60), (40, 80, 220))  # RGB of the axes x, y and z
 
 _LENGTH = 0.3  # of the room's diagonal
 _THICK = 0.02  # of an axis's length

@@ -12,36 +12,21 @@ from s2a.scene.geometry.front_panel import SEARCH_RADIUS, STRAY, near_region
 from s2a.scene.geometry.mesh_ops import keep, normals, sample, sample_with_faces
 from s2a.scene.scene import Mesh
 
-SAMPLES = 6000
-"""Points sampled on a sheet."""
-SHEET = 0.002
-"""[m] Thickness of a sheet; a scan shows its outer face alone."""
-BEND = 0.02
-"""[m] So far apart on a face, points belong together as little as at opposite normals."""
-OPEN = 0.5
-"""Faces that look towards the open side by more than this (cosine) are skirts in its shadow."""
-HEAD = 0.006
-"""[m] Depth from its outermost point within which a cup is narrow."""
-SHORTEST, LONGEST = 1.4, 4.0
-"""Length of a cup by its width; bars are longer, knobs are shorter."""
-WIDENING = 1.3
-"""Width of a cup by the width of its head."""
-UPRIGHT = 0.7
-"""Height of a unit vector that counts as upwards."""
-ONE_SIDED = 0.1
-"""An edge pull has less than this fraction of the panel on one of its sides."""
-FRONT_SAMPLES = 40000
-"""Points sampled on a panel."""
-TAIL = 0.05
-"""Fraction of a patch's points that may be outside of it on either side."""
-STEP = 0.002
-"""[m] Depths at which a wall is searched."""
-MIN_POINTS = 20
-"""A depth with fewer points shows no wall."""
-SHOWN = 0.5
-"""Fraction of its depths at which a wall has been scanned, from which none is added."""
-BORDER = 0.8
-"""Fraction of the points of a pull's head that lie within its wall; noise and skirts are outside."""
+SAMPLES = 6000  # Points sampled on a sheet
+SHEET = 0.002  # [m] Thickness of a sheet; a scan shows its outer face alone
+BEND = 0.02  # [m] So far apart on a face, points belong together as little as at opposite normals
+OPEN = 0.5  # Faces that look towards the open side by more than this (cosine) are skirts in its shadow
+HEAD = 0.006  # [m] Depth from its outermost point within which a cup is narrow
+SHORTEST, LONGEST = 1.4, 4.0  # Length of a cup by its width; bars are longer, knobs are shorter
+WIDENING = 1.3  # Width of a cup by the width of its head
+UPRIGHT = 0.7  # Height of a unit vector that counts as upwards
+ONE_SIDED = 0.1  # An edge pull has less than this fraction of the panel on one of its sides
+FRONT_SAMPLES = 40000  # Points sampled on a panel
+TAIL = 0.05  # Fraction of a patch's points that may be outside of it on either side
+STEP = 0.002  # [m] Depths at which a wall is searched
+MIN_POINTS = 20  # A depth with fewer points shows no wall
+SHOWN = 0.5  # Fraction of its depths at which a wall has been scanned, from which none is added
+BORDER = 0.8  # Fraction of the points of a pull's head that lie within its wall; noise and skirts are outside
 
 
 def sheet_opening(region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float], front: Mesh) -> np.ndarray | None:
@@ -153,26 +138,16 @@ def _patch(points: np.ndarray, facing: np.ndarray, max_vertices: int) -> Mesh | 
     return hull(np.concatenate([points, points - SHEET * normal]), max_vertices)
 
 
-STRAIGHT_SAMPLES = 20000
-"""Points sampled on a sheet."""
-FLAT = 0.8
-"""Cosine of the largest angle between a face of the lip or of the wall and the direction in which it looks."""
-CORNER = 0.003
-"""[m] So near to an edge a scan rounds it off."""
-BINS = 12
-"""Pieces along a sheet whose medians are compared."""
-KNOWN = 0.7
-"""Fraction of the pieces that show a straight lip or wall at least."""
-LIKE = 0.002
-"""[m] How far a straight sheet may seem to swell: noise is shared by neighbouring points."""
-ALONG = 0.9
-"""Fraction of a sheet's length along which its lip is straight; of a cup's, which is a bowl, a part."""
-STRAIGHT_STEP = 0.001
-"""[m] Places across a lip at which its depth is asked."""
-DRAWN = 0.0015
-"""[m] Where a lip lies so much deeper than its plane it has ended, and a skirt goes on into its shadow."""
-LEAN = 0.35
-"""Largest slope of a wall against the front's normal; a steeper one is none."""
+STRAIGHT_SAMPLES = 20000  # Points sampled on a sheet
+FLAT = 0.8  # Cosine of the largest angle between a face of the lip or of the wall and the direction in which it looks
+CORNER = 0.003  # [m] So near to an edge a scan rounds it off
+BINS = 12  # Pieces along a sheet whose medians are compared
+KNOWN = 0.7  # Fraction of the pieces that show a straight lip or wall at least
+LIKE = 0.002  # [m] How far a straight sheet may seem to swell: noise is shared by neighbouring points
+ALONG = 0.9  # Fraction of a sheet's length along which its lip is straight; of a cup's, which is a bowl, a part
+STRAIGHT_STEP = 0.001  # [m] Places across a lip at which its depth is asked
+DRAWN = 0.0015  # [m] Where a lip lies so much deeper than its plane it has ended, and a skirt goes on into its shadow
+LEAN = 0.35  # Largest slope of a wall against the front's normal; a steeper one is none
 
 
 def straight_sheet(

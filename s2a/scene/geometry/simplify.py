@@ -48,16 +48,14 @@ def deviation(a: Mesh, b: Mesh, count: int, seed: int = 0, tree: RayMesh | None 
     return Deviation(*(max(pair) for pair in zip(*both, strict=True)))
 
 
+# Times that the range of possible reductions is halved (on a logarithmic scale) to find the largest allowed one
 HALVINGS = 6
-"""Times that the range of possible reductions is halved (on a logarithmic scale) to find the largest allowed one."""
+# Height of the fin on an open edge over its length: a tip on a grid of squares or cubes meets no other vertex
 FIN = 0.618
-"""Height of the fin on an open edge over its length: a tip on a grid of squares or cubes meets no other vertex."""
-FEWEST = 0.01
-"""Smallest fraction of the faces that mode "error" tests."""
+FEWEST = 0.01  # Smallest fraction of the faces that mode "error" tests
 
 
-STRUCTURE_LABELS = ("wall", "walls", "floor", "ceiling")
-"""Last words of the labels of a room's structure."""
+STRUCTURE_LABELS = ("wall", "walls", "floor", "ceiling")  # Last words of the labels of a room's structure
 
 
 @dataclass(frozen=True)

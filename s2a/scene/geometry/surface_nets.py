@@ -18,8 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from s2a.core.bounds import Above, CountFromZero, NotNegative
 from s2a.core.workers import chunks, in_parallel
 
-UNKNOWN = 1.0e9
-"""Value of a voxel that nothing observed."""
+UNKNOWN = 1.0e9  # Value of a voxel that nothing observed
 
 
 @dataclass

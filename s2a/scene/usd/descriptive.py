@@ -18,10 +18,9 @@ from s2a.scene.scene import Joint, Part, Scene, Vec3
 from s2a.scene.usd.joints import KINDS, site_point
 from s2a.scene.usd.stage import ROOT, check_ids, new_stage, open_stage, read_attribute, reading, save, write_attribute
 
+# Directions whose extreme points discard most of the others before the hull is built (Akl and Toussaint, 1978)
 DIRECTIONS = 32
-"""Directions whose extreme points discard most of the others before the hull is built (Akl and Toussaint, 1978)."""
-FLAT = 1e-12
-"""Turns of less than this fraction of the squared extent are straight: rounding of collinear points."""
+FLAT = 1e-12  # Turns of less than this fraction of the squared extent are straight: rounding of collinear points
 
 
 def hull(points: np.ndarray) -> np.ndarray | None:
@@ -68,8 +67,8 @@ def _cross(a: list[float], b: list[float], x: float, y: float) -> float:
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
 
 
+# Largest footprint of a turned box as a fraction of the axis-aligned one: round objects need no direction
 WORTH_TURNING = 0.98
-"""Largest footprint of a turned box as a fraction of the axis-aligned one: round objects need no direction."""
 
 
 @dataclass(frozen=True)
@@ -125,8 +124,8 @@ def _turn(angle: float) -> np.ndarray:
 
 
 FLAVOUR = "descriptive"
+# Decimals of lengths [m] and angles [rad], of unit vectors, and of yaw [deg]: a scan knows no more
 MILLIMETRES, DIRECTION, DEGREES = 3, 4, 1
-"""Decimals of lengths [m] and angles [rad], of unit vectors, and of yaw [deg]: a scan knows no more."""
 
 LEGEND = """A room, part by part: a prim inside another is a part of it. Metres, z up.
 center, size: upright box around a part with all inside it; yaw: degrees its size[0] side is turned from x about z.

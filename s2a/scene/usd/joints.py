@@ -18,6 +18,7 @@ from s2a.scene.scene import Joint, Scene
 from s2a.scene.usd.stage import ROOT, placement, read_attribute, where, write_attribute
 
 Types = Sdf.ValueTypeNames
+# Fields that are numbers, and the attributes that hold them
 NUMBERS = {
     "angle": "angle",
     "shift": "shift",
@@ -25,7 +26,6 @@ NUMBERS = {
     "angle_sigma": "angleSigma",
     "shift_sigma": "shiftSigma",
 }
-"""Fields that are numbers, and the attributes that hold them."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,7 @@ def read_refinement(prim: Usd.Prim, joint: Joint) -> Refinement | None:
     return Refinement(Joint(joint.kind, **given), **numbers, unknown=unknown)
 
 
-SETTINGS = ("damping", "stiffness")
-"""What the simulation's settings say where a joint does not."""
+SETTINGS = ("damping", "stiffness")  # What the simulation's settings say where a joint does not
 SOFT_CLOSE = ("force", "damping", "reach")
 
 
@@ -120,13 +119,11 @@ def read_resistance(joint: Usd.Prim) -> Resistance | None:
     return Resistance(values["damping"], values["stiffness"], values["breakaway"] or 0.0, soft)
 
 
-SITE_RADIUS = 0.01
-"""[m]; what a grasp point looks like, without effect."""
+SITE_RADIUS = 0.01  # [m]; what a grasp point looks like, without effect
+# Largest departure of a matrix from a rotation: single precision and rounded digits, but no scale that is meant
 RIGID = 1e-4
-"""Largest departure of a matrix from a rotation: single precision and rounded digits, but no scale that is meant."""
 
-EPSILON = 1e-14
-"""An axis this close to -X (by its cosine) is -X itself."""
+EPSILON = 1e-14  # An axis this close to -X (by its cosine) is -X itself
 
 KINDS = {"PhysicsPrismaticJoint": "prismatic", "PhysicsRevoluteJoint": "revolute"}
 

@@ -12,10 +12,8 @@ from s2a.scene.scene import Joint, Mesh, Vec3
 from s2a.scene.usd.joints import Refinement, Resistance
 
 Quat = tuple[float, float, float, float]
-DEFAULT_ROBOT = "panda"
-"""The robot that a base pose is of where none is named."""
-PREPARE_AGAIN = "run s2a prepare again"
-"""The remedy for a room that is damaged."""
+DEFAULT_ROBOT = "panda"  # The robot that a base pose is of where none is named
+PREPARE_AGAIN = "run s2a prepare again"  # The remedy for a room that is damaged
 
 
 @dataclass(frozen=True)

@@ -31,12 +31,9 @@ __all__ = ["FLAVOUR", "GRAVITY", "open_physics", "read", "visuals_file", "write"
 
 Types = Sdf.ValueTypeNames
 
-GRAVITY = 9.81
-"""[m/s^2], along -z."""
-FRICTION = 1.0
-"""Coulomb coefficient of every collider, as in the reference task (IsaacLab's Franka cabinet)."""
-VISUALS = "/visuals"
-"""Default prim of the file of the visuals; below it one surface for each body, and `static`."""
+GRAVITY = 9.81  # [m/s^2], along -z
+FRICTION = 1.0  # Coulomb coefficient of every collider, as in the reference task (IsaacLab's Franka cabinet)
+VISUALS = "/visuals"  # Default prim of the file of the visuals; below it one surface for each body, and `static`
 
 
 def visuals_file(path: Path) -> Path:

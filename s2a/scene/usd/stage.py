@@ -16,18 +16,16 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import full_disk_reported
 from s2a.scene.scene import Mesh, Scene
 
-ROOT = "/scene"
-"""Path of the default prim of every flavour."""
+ROOT = "/scene"  # Path of the default prim of every flavour
+# Prims that are no parts; no part may be called so
 RESERVED = ("joints", "visual", "grasp", "static", "physics", "materials", "colliders", "region")
-"""Prims that are no parts; no part may be called so."""
+# Bytes of a file's name beyond which USD's temporary one may be longer than 255, the most that file systems take
 LONG = 240
-"""Bytes of a file's name beyond which USD's temporary one may be longer than 255, the most that file systems take."""
+# How USD's text begins; bytes that are read at once; brackets within brackets
 TEXT, BLOCK, DEEPEST = b"#usda", 1 << 22, 5000
-"""How USD's text begins; bytes that are read at once; brackets within brackets."""
 BRACKETS = np.zeros(256, np.int8)
 BRACKETS[list(b"([{")], BRACKETS[list(b")]}")] = 1, -1
-ENCODINGS = (".usd", ".usda", ".usdc")
-"""File names end so: binary, text, binary."""
+ENCODINGS = (".usd", ".usda", ".usdc")  # File names end so: binary, text, binary
 
 
 def new_stage() -> Usd.Stage:

@@ -30,8 +30,7 @@ def files(path: Path) -> list[Path]:
     return [path, *sorted(others - {Path(os.path.realpath(path))})]
 
 
-KEY = "s2a:validation"
-"""In the root layer's customLayerData."""
+KEY = "s2a:validation"  # In the root layer's customLayerData
 
 
 @dataclass(frozen=True)

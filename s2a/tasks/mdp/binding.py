@@ -17,8 +17,7 @@ from s2a.sim.world import SimStage
 from s2a.tasks.mdp.seen import of_vector
 from s2a.tasks.state import CARRIED, GRASPED, OPENED, EstimatedPart, Numbers, TaskTarget, World
 
-SHORTEST_ARM = 0.05
-"""[m] Shorter lever arms of a hinge are not observed."""
+SHORTEST_ARM = 0.05  # [m] Shorter lever arms of a hinge are not observed
 
 
 def bind(sim: Simulation, sensor: ContactSensor, config: Any, metrics: Any, own: int) -> World:

@@ -12,10 +12,8 @@ from s2a.tasks.state import Carried, State, World, is_sound
 
 wp.set_module_options({"enable_backward": False})  # half the time to compile
 
-STRIDE = wp.constant(0.003)
-"""[m] Of which the object's path is made: what stands trembles by less."""
-FAR = wp.constant(1.0)
-"""[m] Distances are measured up to it."""
+STRIDE = wp.constant(0.003)  # [m] Of which the object's path is made: what stands trembles by less
+FAR = wp.constant(1.0)  # [m] Distances are measured up to it
 
 
 @wp.func

@@ -12,11 +12,10 @@ from s2a.tasks.mdp.grasp import frames, is_grasped, tool_point
 from s2a.tasks.mdp.seen import seen_part
 from s2a.tasks.state import Grasped, State, World, finger_position, sense
 
+# [m] Observed as 1 by `fine_point`; from FINE_LIMIT of it on it tells the direction alone
 FINE_LENGTH = wp.constant(0.02)
-"""[m] Observed as 1 by `fine_point`; from FINE_LIMIT of it on it tells the direction alone."""
 FINE_LIMIT = wp.constant(2.5)
-FORCE = wp.constant(0.05)
-"""[1/N] Scale of the fingers' forces for a critic."""
+FORCE = wp.constant(0.05)  # [1/N] Scale of the fingers' forces for a critic
 
 
 @wp.func
@@ -264,16 +263,15 @@ def container_coordinate(s: State, w: World, world: int) -> float:
 
 
 JOINTS = (joint_positions, joint_velocities)
-PART = (*JOINTS, to_grasp, coordinate, velocity)
-"""The reference's observation."""
+PART = (*JOINTS, to_grasp, coordinate, velocity)  # The reference's observation
+# For a policy of many parts: what tells one from another
 DESCRIPTION = (
     target_lead, target_velocities, grasp_point, grasp_y, grasp_z, joint_axis, opening_direction, grasp_size, joint_kind,
     opening,
 )  # fmt: skip
-"""For a policy of many parts: what tells one from another."""
 FINE = (fine_point, holds_from_within)
+# For a critic: what no sensor tells
 PRIVILEGED = (true_point, true_y, true_z, left_force, right_force, grasped, resistance, action_delay)
-"""For a critic: what no sensor tells."""
+# All that a policy observes of a part, by the setting that turns it on
 OF_PART = {"": PART, "describe_part": DESCRIPTION, "fine_grasp": FINE}
-"""All that a policy observes of a part, by the setting that turns it on."""
 OBJECT = (*JOINTS, to_object, to_place, object_x, object_y, turn_to_place)

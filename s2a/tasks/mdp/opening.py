@@ -13,8 +13,8 @@ from s2a.tasks.state import Limit, Opened, State, World, is_sound
 
 wp.set_module_options({"enable_backward": False})  # half the time to compile
 
+# Fraction of the success opening from which gains count: before it a part may be jolted open in passing
 START = wp.constant(0.1)
-"""Fraction of the success opening from which gains count: before it a part may be jolted open in passing."""
 
 
 @wp.func

@@ -12,12 +12,11 @@ from s2a.sim.world import SimStage
 from s2a.tasks.mdp.grasp import frames, opening_of
 from s2a.tasks.state import EstimatedPart, State, World, finger_position, sense
 
-NUMBERS = 21
-"""Length of a description as a vector."""
-DIRECTIONS = (3, 6, 9, 12)
-"""Where in it across, inwards, axis and along begin."""
+NUMBERS = 21  # Length of a description as a vector
+DIRECTIONS = (3, 6, 9, 12)  # Where in it across, inwards, axis and along begin
+# Of the two directions across a handle, which differ by half a turn of the gripper, the one that points this way is
+# taken
 SIDEWAYS = np.array([0.0, 0.3, 1.0])
-"""Of the two directions across a handle, which differ by half a turn of the gripper, the one that points this way is taken."""
 
 
 @dataclass(frozen=True)
@@ -68,12 +67,11 @@ def truth(stage: SimStage) -> Description:
 
 wp.set_module_options({"enable_backward": False})  # half the time to compile
 
+# [m] From the observed grasp, up to which the tool is at it; the reference's tool frame is 6 cm from the fingertips
 HOLD_DISTANCE = wp.constant(0.1)
-"""[m] From the observed grasp, up to which the tool is at it; the reference's tool frame is 6 cm from the fingertips."""
+# [m] By which a finger's target is closed further than the finger, and by which fingers are open that hold something
 HOLD_GAP = wp.constant(0.002)
-"""[m] By which a finger's target is closed further than the finger, and by which fingers are open that hold something."""
-HOLD_SPEED = wp.constant(0.01)
-"""[m/s] Below it a finger stands still."""
+HOLD_SPEED = wp.constant(0.01)  # [m/s] Below it a finger stands still
 
 
 @wp.struct

@@ -16,13 +16,11 @@ from s2a.scene.scene import Joint
 from s2a.scene.usd.stamp import content_hash
 from s2a.view.page.room import PagePart, PageRoom, unit
 
-Note = tuple[tuple[str, str], ...]
-"""Names and values that a card shows."""
+Note = tuple[tuple[str, str], ...]  # Names and values that a card shows
 REPORT, INSERTION, LAYER = "report.json", "insert.json", "insert.usda"
-PLACE = "place"
-"""The step of an insertion from which on its object is there."""
+PLACE = "place"  # The step of an insertion from which on its object is there
+# What values of other types, or missing ones, raise while notes are made of them
 DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError)
-"""What values of other types, or missing ones, raise while notes are made of them."""
 
 
 def of_path(path: Path) -> tuple[Path, dict[str, Note]]:

@@ -14,12 +14,10 @@ from s2a.scene.geometry.mesh_ops import vertex_normals
 from s2a.scene.scene import Mesh
 from s2a.view.page.room import PagePart, PageRoom
 
-MOVING = 0.5
-"""Fraction of the faces that jointed parts may have between them, before they lose any."""
+MOVING = 0.5  # Fraction of the faces that jointed parts may have between them, before they lose any
+# Bounds of the cells [m] and of their scale [m^0.5]: where the search for it begins and gives up
 MIN_CELL, MAX_SCALE = 1e-4, 1e3
-"""Bounds of the cells [m] and of their scale [m^0.5]: where the search for it begins and gives up."""
-STEP = 1.05
-"""Factor by which cells grow from round to round at least."""
+STEP = 1.05  # Factor by which cells grow from round to round at least
 
 
 def thinned(room: PageRoom, max_faces: int) -> PageRoom:
@@ -74,12 +72,11 @@ def _count(parts: dict[str, PagePart]) -> int:
     return sum(len(part.surface.faces) for part in parts.values())
 
 
+# Intensity of the light from everywhere: the scan's colours hold its light already, so that it is most of the light
 AMBIENT = 2.2
-"""Intensity of the light from everywhere: the scan's colours hold its light already, so that it is most of the light."""
+# Name, intensity and place of the other lights, which are far away
 LIGHTS = (("above", 1.3, (1.0, 2.0, 4.0)), ("aside", 0.6, (-3.0, -1.0, 1.0)))
-"""Name, intensity and place of the other lights, which are far away."""
-BRIGHTEST = (AMBIENT + sum(intensity for _, intensity, _ in LIGHTS)) / np.pi
-"""What no surface exceeds."""
+BRIGHTEST = (AMBIENT + sum(intensity for _, intensity, _ in LIGHTS)) / np.pi  # What no surface exceeds
 
 
 def brightness(mesh: Mesh) -> np.ndarray:
@@ -96,12 +93,11 @@ def brightness(mesh: Mesh) -> np.ndarray:
 
 UNSIGNED_SHORT, UNSIGNED_INT = 5123, 5125
 MAX_SHORT = 65535
-MIN_EXTENT = 1e-6
-"""[m] A flat mesh's extent across itself is taken for this: a scale of zero has no inverse."""
+MIN_EXTENT = 1e-6  # [m] A flat mesh's extent across itself is taken for this: a scale of zero has no inverse
 UNLIT = "KHR_materials_unlit"
 ALIGNMENT = 4
+# Linear RGB: what leaves the colours of vertices as they are, and the colour of surfaces without one
 WHITE, PLAIN = (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)
-"""Linear RGB: what leaves the colours of vertices as they are, and the colour of surfaces without one."""
 
 Color = tuple[float, float, float]
 

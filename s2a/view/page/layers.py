@@ -17,22 +17,17 @@ from s2a.view.page.room import Extra, PageRoom, hue
 SURFACES, BY_PART, GRASPS, AXES = "surfaces", "colours by part", "grasp regions", "joint axes"
 COLLIDERS, WALLS = "colliders", "colliders of walls"
 SUPPORTS, REACH = "supports", "reach"
+# What can be shown and hidden, by its caption
 LAYERS = (SURFACES, BY_PART, COLLIDERS, WALLS, GRASPS, AXES, SUPPORTS, REACH)
-"""What can be shown and hidden, by its caption."""
-LARGE = (SUPPORTS, REACH)
-"""Layers that repeat much of the surfaces: a file does without them."""
-LIFT = 0.003
-"""[m] A region is drawn so far above the surface that it lies on, lest both flicker."""
-MARGIN = 0.08
-"""[m] A hinge's axis is drawn so far beyond the ends of its part."""
-MIN_ARROW = 0.1
-"""[m] An arrow is so long at least."""
+LARGE = (SUPPORTS, REACH)  # Layers that repeat much of the surfaces: a file does without them
+LIFT = 0.003  # [m] A region is drawn so far above the surface that it lies on, lest both flicker
+MARGIN = 0.08  # [m] A hinge's axis is drawn so far beyond the ends of its part
+MIN_ARROW = 0.1  # [m] An arrow is so long at least
 REGION_COLOR = (255, 96, 32)
 SUPPORT_COLOR = (40, 150, 220)
+# Of what is within reach, and of a base from which the arm reaches along the part's whole path, or does not
 REACH_COLOR, FREE_COLOR, NOT_FREE_COLOR = (250, 190, 40), (40, 160, 70), (190, 40, 40)
-"""Of what is within reach, and of a base from which the arm reaches along the part's whole path, or does not."""
-STILL = "room"
-"""Name of what moves with no joint."""
+STILL = "room"  # Name of what moves with no joint
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from s2a.view.page.cards import PLACE, card, noted, row, rows, step_card
 from s2a.view.page.room import Coordinates, PagePart, PageRoom, unit
 from s2a.view.page.scene_nodes import Detail, SceneNodes
 
-PARALLEL = 1e-15
-"""[m^2] A triangle of which a ray sees less is not met."""
+PARALLEL = 1e-15  # [m^2] A triangle of which a ray sees less is not met
 
 
 def pick(at: Coordinates, origin: np.ndarray, direction: np.ndarray) -> str | None:
@@ -85,14 +84,14 @@ def first_face(mesh: Mesh, origin: np.ndarray, direction: np.ndarray, both_sides
     return float(along[nearest]), int(seen[nearest])
 
 
-MARKS = ".mantine-Slider-markLabel { margin-top: 0.4em; }"
-"""The numbers below a slider keep clear of its thumb."""
+MARKS = ".mantine-Slider-markLabel { margin-top: 0.4em; }"  # The numbers below a slider keep clear of its thumb
 CARDS = f"""<style>
 {MARKS}
 .s2a-card {{ padding: 0 0.75em 0.5em; font-size: 0.875em; line-height: 1.45; overflow-wrap: anywhere; }}
 .s2a-card td {{ vertical-align: top; padding-right: 1em; }}
 .s2a-card td:first-child {{ color: gray; white-space: nowrap; }}
 </style>"""
+# Rows of the tree are viser's buttons: flat, and to the left; the yellow one is selected
 ROWS = """<style>
 button.mantine-Button-root:not([data-variant]), button.mantine-Button-root[data-variant="filled"] {
   background: transparent; color: inherit; font-weight: 400; height: 1.7em !important; padding: 0 0.4em; }
@@ -101,12 +100,10 @@ button.mantine-Button-root:not([data-variant="outline"]):hover { background: rgb
 button.mantine-Button-root[style*="yellow"] { background: rgba(255, 170, 0, 0.35) !important; }
 div:has(> button.mantine-Button-root:not([data-variant="outline"])) { padding-bottom: 0.1em !important; }
 </style>"""
-"""Rows of the tree are viser's buttons: flat, and to the left; the yellow one is selected."""
 PLAIN_ROW: Literal["gray"] = "gray"
 SELECTED_ROW: Literal["yellow"] = "yellow"
 FEWER = "coarse in motion"
-WIDTH = 380
-"""[pixel] of the panel."""
+WIDTH = 380  # [pixel] of the panel
 
 
 class Panel:

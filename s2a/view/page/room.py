@@ -21,8 +21,7 @@ from s2a.scene.scene import Joint, Mesh, Motion, Scene
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimBody, SimRoom, in_scene
 
-GOLDEN = 0.618
-"""Steps of the golden section around the circle of hues keep neighbours apart, however many there are."""
+GOLDEN = 0.618  # Steps of the golden section around the circle of hues keep neighbours apart, however many there are
 SATURATION, VALUE = 0.55, 0.95
 
 
@@ -190,8 +189,7 @@ class Played:
         return max(world.frames for world in self.worlds)
 
 
-THINNEST = 1e-3
-"""[m] Of a box that is shown."""
+THINNEST = 1e-3  # [m] Of a box that is shown
 
 
 def read(path: Path) -> PageRoom:
@@ -328,8 +326,8 @@ def _box(part: DescribedPart) -> Mesh:
     return box(np.array(part.center), axes, np.maximum(part.size, THINNEST))
 
 
+# By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episodes.ABOUT`, which needs the extra "sim")
 DATASET = "meta/s2a.json"
-"""By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episodes.ABOUT`, which needs the extra "sim")."""
 
 
 def _play(path: Path) -> str:

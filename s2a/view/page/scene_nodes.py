@@ -25,16 +25,12 @@ MAKERS = {
     layers.SUPPORTS: layers.supports,
     layers.REACH: layers.reach,
 }
-TRANSLUCENT = 0.3
-"""Opacity of a description's boxes."""
+TRANSLUCENT = 0.3  # Opacity of a description's boxes
 ARROW_COLORS = {"prismatic": (30, 110, 255), "revolute": (210, 30, 200)}
-SHAFT, HEAD, HEAD_LENGTH = 0.008, 0.02, 0.05
-"""[m] Radii of an arrow's shaft and head, and the length of its head."""
-MARKED, MARK_OPACITY = (1.0, 0.5, 0.0), 0.7
-"""Linear RGB and opacity of the part that is selected."""
+SHAFT, HEAD, HEAD_LENGTH = 0.008, 0.02, 0.05  # [m] Radii of an arrow's shaft and head, and the length of its head
+MARKED, MARK_OPACITY = (1.0, 0.5, 0.0), 0.7  # Linear RGB and opacity of the part that is selected
 SELECTED, COARSE = "/selected", "coarse"
-THINNED = (SURFACES, BY_PART)
-"""Layers that a coarse room can stand for."""
+THINNED = (SURFACES, BY_PART)  # Layers that a coarse room can stand for
 
 
 class SceneNodes:
@@ -199,18 +195,15 @@ def _pose(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return viser.transforms.SO3.from_matrix(matrix[:3, :3]).wxyz, matrix[:3, 3]
 
 
+# So many the scene has at most while the camera turns: what two cores without a graphics processor draw
 COARSE_FACES = 12_000
-"""So many the scene has at most while the camera turns: what two cores without a graphics processor draw."""
+# [s] Without a move after which a camera is at rest, at least and at most, and faces that a slow browser draws in a
+# second: it does not move again before an image of all faces is done. Should that take longer, a move comes just
+# after all faces were shown, and the time is doubled
 REST, LONGEST, DRAWN = 0.5, 3.0, 400_000.0
-"""[s] Without a move after which a camera is at rest, at least and at most, and faces that a slow browser draws in a second:
-it does not move again before an image of all faces is done. Should that take longer, a move comes just after all
-faces were shown, and the time is doubled."""
-AGAIN = 2.0
-"""[s] Such a move comes within this time."""
-FIRST = 1.5
-"""[s] Such a rest of the first visitor's camera before all faces are sent: the coarse room is drawn by then."""
-LOADING = 1.5
-"""[s] For which the coarse room stays when all faces have been sent: the browser reads them."""
+AGAIN = 2.0  # [s] Such a move comes within this time
+FIRST = 1.5  # [s] Such a rest of the first visitor's camera before all faces are sent: the coarse room is drawn by then
+LOADING = 1.5  # [s] For which the coarse room stays when all faces have been sent: the browser reads them
 
 
 def coarse(room: PageRoom, count: int = 1) -> PageRoom | None:

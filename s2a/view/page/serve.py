@@ -21,11 +21,9 @@ from s2a.view.page.panel import CARDS, WIDTH, Panel, first, offered
 from s2a.view.page.room import PageRoom, Played, PlayedWorld, unit
 from s2a.view.page.scene_nodes import Detail, SceneNodes, coarse
 
-HOST = "127.0.0.1"
-"""Nobody but this machine's users sees the page; from elsewhere: ssh -L 8080:localhost:8080 HOST."""
+HOST = "127.0.0.1"  # Nobody but this machine's users sees the page; from elsewhere: ssh -L 8080:localhost:8080 HOST
 
-NEAR = 0.05
-"""[m] Nearer surfaces are cut; a smaller distance leaves far ones to flicker."""
+NEAR = 0.05  # [m] Nearer surfaces are cut; a smaller distance leaves far ones to flicker
 
 
 @contextmanager
@@ -83,12 +81,9 @@ def set_up(server: viser.ViserServer, view: CameraPose, fov: float) -> None:
     server.initial_camera.fov, server.initial_camera.near = fov, NEAR
 
 
-PORT = 8090
-"""The player is written by a server that nobody visits."""
-SECONDS, FRAMES = 2.0, 30
-"""Time that a joint takes to open and close, and its frames."""
-PAUSE = 0.5
-"""[s] before each joint."""
+PORT = 8090  # The player is written by a server that nobody visits
+SECONDS, FRAMES = 2.0, 30  # Time that a joint takes to open and close, and its frames
+PAUSE = 0.5  # [s] before each joint
 TITLE = "<title>Viser</title>"
 
 
@@ -132,8 +127,7 @@ def _top(room: PageRoom, part: str) -> np.ndarray:
 
 
 SPEEDS = {"slow": 0.25, "real time": 1.0, "fast": 4.0}
-TICK = 1 / 15
-"""[s] Between two images while it plays."""
+TICK = 1 / 15  # [s] Between two images while it plays
 
 
 @contextmanager

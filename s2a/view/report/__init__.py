@@ -16,9 +16,9 @@ from s2a.view.report import results
 from s2a.view.report.document import Document
 
 T = TypeVar("T")
-RUNS = ("*", "*/*", "*/*/*")
-"""Where the runs of a sweep lie in its folder."""
+RUNS = ("*", "*/*", "*/*/*")  # Where the runs of a sweep lie in its folder
 RECORD = "report.json"
+# What values of other types, or missing ones, raise while a page is made of them
 DAMAGE = (
     KeyError,
     TypeError,
@@ -29,7 +29,6 @@ DAMAGE = (
     RecursionError,
     yaml.YAMLError,
 )
-"""What values of other types, or missing ones, raise while a page is made of them."""
 
 
 def read(path: Path) -> Document:

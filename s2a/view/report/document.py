@@ -39,10 +39,9 @@ figcaption { color: #57606a; font-size: .9em }
 .legend { display: flex; flex-wrap: wrap; gap: .1rem 1.2rem; font-size: .9em }
 .legend i { display: inline-block; width: 1.4em; height: 3px; margin-right: .4em; vertical-align: middle }
 """
+# First bytes of the images that browsers show
 MAGIC = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp", b"GIF8": "image/gif"}
-"""First bytes of the images that browsers show."""
-MAX_IMAGE = 8_000_000
-"""[bytes] Of one image in a page."""
+MAX_IMAGE = 8_000_000  # [bytes] Of one image in a page
 
 
 @dataclass(frozen=True)
@@ -158,12 +157,10 @@ def _image(file: Path) -> bytes:
 
 
 WIDTH, HEIGHT = 640, 300
+# [px] Of a chart, and its margins, which have room for numbers of eight characters
 LEFT, RIGHT, TOP, BOTTOM = 76, 36, 12, 46
-"""[px] Of a chart, and its margins, which have room for numbers of eight characters."""
-POINTS = 400
-"""Of a line at most; of a longer one the means of neighbours are drawn."""
-BAR = 180
-"""[px] Width of an interval."""
+POINTS = 400  # Of a line at most; of a longer one the means of neighbours are drawn
+BAR = 180  # [px] Width of an interval
 COLOURS = ("#57606a", "#d4761c", "#2f6fd0", "#2a8a3c", "#a13fb5", "#b3261e", "#008c8c", "#7a6a00")
 
 

@@ -15,6 +15,7 @@ from s2a.core.config import leaves
 from s2a.view.report import document
 from s2a.view.report.document import Document, Markup, facts, images, table, text
 
+# Rates in words; others are shown by their meanings, where a file has them, or names
 NAMES = {
     "success": "opened",
     "final_success": "open at the end",
@@ -24,14 +25,11 @@ NAMES = {
     "off_handle_success": "a finger beside the handle",
     "body_success": "pushed by another link",
 }
-"""Rates in words; others are shown by their meanings, where a file has them, or names."""
-BY_GROUP = ("success", "grasp_success")
-"""Rates that are shown by groups of parts, where a result has them."""
+BY_GROUP = ("success", "grasp_success")  # Rates that are shown by groups of parts, where a result has them
 GROUPS = {"kind": "kind of joint", "handle": "handle", "room": "room"}
-NEVER = 0.05
-"""Fraction of the episodes up to which a part counts as never opened."""
+NEVER = 0.05  # Fraction of the episodes up to which a part counts as never opened
+# Thresholds in metres
 LENGTHS = ("success", "open_30cm", "open_75pct_static", "open_95pct", "closed", "drift", "disturbance")
-"""Thresholds in metres."""
 BEFORE_AFTER = ("before.png", "after.png")
 
 
@@ -129,10 +127,11 @@ def _interval(value: Mapping[str, Any]) -> tuple[Markup, Markup]:
 
 
 MAX_ROWS = 500
+# Columns of an insertion's table: how many have the right size, collide with nothing, stay, and leave all parts free
+# to open
 COUNTS = ("scale", "free", "stable", "openings")
-"""Columns of an insertion's table: how many have the right size, collide with nothing, stay, and leave all parts free to open."""
+# Table of insertions in "From Scan to Action", Halacheva et al., CVPR Workshops 2025; Wilson interval of 80 of 100
 PAPER = dict(category="the paper's own scans", method="as published", n=100, success=80, low=0.711, high=0.867)
-"""Table of insertions in "From Scan to Action", Halacheva et al., CVPR Workshops 2025; Wilson interval of 80 of 100."""
 
 
 def study_report(values: Mapping[str, Any], path: Path) -> Document:
@@ -184,8 +183,7 @@ def _value(value: object) -> object:
     return Markup("<span class='fail'>no</span>") if value is False else value
 
 
-OPENED = 0.5
-"""Fraction of the planner's episodes from which on a part counts as opened."""
+OPENED = 0.5  # Fraction of the planner's episodes from which on a part counts as opened
 
 
 def rooms(values: Mapping[str, Any], path: Path) -> Document:
@@ -246,8 +244,7 @@ def _verdict(row: Mapping[str, Any], count: int) -> str:
     return f"{count} parts{opened}; {len(row['left_out'])} left out"
 
 
-BAR = 120
-"""[px] Of a bar that reaches its bound."""
+BAR = 120  # [px] Of a bar that reaches its bound
 
 
 def validation_report(
@@ -347,12 +344,11 @@ def reported(reward: Mapping[str, Any], stage: str) -> Reported | None:
 
 
 SETTINGS, METRICS = "settings.json", "metrics.json"
+# Fractions of the episodes that are drawn, in the order of their colours
 SHOWN = ("success", "final_success", "handle_success", "grasp_success")
-"""Fractions of the episodes that are drawn, in the order of their colours."""
-COMPARED = (*SHOWN, "single_finger_success")
-"""Fractions in the table of several runs."""
+COMPARED = (*SHOWN, "single_finger_success")  # Fractions in the table of several runs
+# Keys of `s2a train` in which the runs of a sweep may differ without a meaning
 NOT_SETTINGS = ("out", "resume", "device", "export", "init", "planner")
-"""Keys of `s2a train` in which the runs of a sweep may differ without a meaning."""
 
 
 @dataclass(frozen=True)

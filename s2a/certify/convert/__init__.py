@@ -16,20 +16,26 @@ from s2a.core.outputs import Output, atomic_write, refuse_loss
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.solver import SimConfig
 
-WRITERS = {"mjcf": mjcf, "urdf": urdf}  # Formats by name; FILE of each is the file to load
+WRITERS = {"mjcf": mjcf, "urdf": urdf}
+"""Formats by name; FILE of each is the file to load."""
 
 
 @dataclass(frozen=True)
 class ConvertSettings:
-    """Keys of `s2a convert`: what is written, and how."""
+    """Keys of `s2a convert`: what is written, and how.
 
-    stage: Path  # the sim.usd
-    out: Output  # folder that receives room.xml or room.urdf, and the meshes
-    to: Literal["mjcf", "urdf"]  # format
-    # articulated parts and free objects that move: all, the id of one, or several; all others are frozen
+    Attributes:
+        stage: the sim.usd.
+        out: folder that receives room.xml or room.urdf, and the meshes.
+        to: format.
+        parts: articulated parts and free objects that move: all, the id of one, or several; all others are frozen.
+        sim: how physics is stepped here; the joint's spring and damping, the time step and the solver's settings are handed on.
+    """
+
+    stage: Path
+    out: Output
+    to: Literal["mjcf", "urdf"]
     parts: str | tuple[str, ...]
-    # how physics is stepped here; the joint's spring and damping, the time step and the solver's settings are
-    # handed on
     sim: SimConfig
 
 

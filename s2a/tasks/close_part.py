@@ -27,9 +27,13 @@ class ClosePartConfig(PartMdp):
 
 @dataclass(frozen=True)
 class ClosePartMetrics(MetricsConfig):
-    """Thresholds of what is reported."""
+    """Thresholds of what is reported.
 
-    closed_opening: NotNegative  # opening up to which the part counts as closed [m]
+    Attributes:
+        closed_opening: opening up to which the part counts as closed [m].
+    """
+
+    closed_opening: NotNegative
 
 
 class ClosePart(Task):

@@ -40,19 +40,30 @@ class OpenPartConfig(PartMdp):
 
 @dataclass(frozen=True, kw_only=True)
 class OpenPartMetrics(MetricsConfig):
-    """Thresholds of what is reported; they change neither what the robot sees nor its reward."""
+    """Thresholds of what is reported; they change neither what the robot sees nor its reward.
 
-    success_opening: Positive  # opening that counts as success [m]
-    wide_opening: Positive = 0.3  # a wider one, `open_30cm` [m]. IsaacLab 3's manager-based task
-    full_travel: Positive  # shorter travels scale both down in proportion [m]
-    # fraction of the travel at which a part that hardly moves counts as `open_75pct_static`. ManiSkill's
-    # OpenCabinetDrawer, with its speed
+    Attributes:
+        success_opening: opening that counts as success [m].
+        wide_opening: a wider one, `open_30cm` [m]. IsaacLab 3's manager-based task.
+        full_travel: shorter travels scale both down in proportion [m].
+        static_fraction: fraction of the travel at which a part that hardly moves counts as `open_75pct_static`.
+            ManiSkill's OpenCabinetDrawer, with its speed.
+        static_speed: max speed of the grasp point there [m/s].
+        full_fraction: fraction of the travel that counts as `open_95pct`.
+        contact_force: normal force from which a contact counts [N].
+        grasp_fraction: fraction of the gained opening over which a grasp must have held for `grasp_success`.
+        contact_fraction: that over which a contact must have held for the other success metrics.
+    """
+
+    success_opening: Positive
+    wide_opening: Positive = 0.3
+    full_travel: Positive
     static_fraction: Fraction = 0.75
-    static_speed: NotNegative = 0.1  # max speed of the grasp point there [m/s]
-    full_fraction: Fraction = 0.95  # fraction of the travel that counts as `open_95pct`
-    contact_force: NotNegative = 1.0  # normal force from which a contact counts [N]
-    grasp_fraction: Fraction  # fraction of the gained opening over which a grasp must have held for `grasp_success`
-    contact_fraction: Fraction = 0.5  # that over which a contact must have held for the other success metrics
+    static_speed: NotNegative = 0.1
+    full_fraction: Fraction = 0.95
+    contact_force: NotNegative = 1.0
+    grasp_fraction: Fraction
+    contact_fraction: Fraction = 0.5
 
 
 class OpenPart(Task):

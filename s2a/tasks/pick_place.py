@@ -65,13 +65,18 @@ class PickPlaceConfig(MdpConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class PickPlaceMetrics(MetricsConfig):
-    """Thresholds of what is reported."""
+    """Thresholds of what is reported.
 
-    carried_fraction: Fraction  # fraction of the object's path over which a grasp must have held
-    # largest displacement of the object after the robot last touched it [m]. After the last touch: more is
-    # dropped or thrown
+    Attributes:
+        carried_fraction: fraction of the object's path over which a grasp must have held.
+        max_drift: largest displacement of the object after the robot last touched it [m]. After the last touch: more is
+            dropped or thrown.
+        max_disturbance: largest displacement of anything else that can move [m].
+    """
+
+    carried_fraction: Fraction
     max_drift: NotNegative = 0.02
-    max_disturbance: NotNegative = 0.005  # largest displacement of anything else that can move [m]
+    max_disturbance: NotNegative = 0.005
 
 
 class PickPlace(Task):

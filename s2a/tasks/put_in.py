@@ -37,9 +37,13 @@ class PutInConfig(PickPlaceConfig):
 
 @dataclass(frozen=True)
 class PutInMetrics(PickPlaceMetrics):
-    """Thresholds of what is reported."""
+    """Thresholds of what is reported.
 
-    min_ride: Positive  # least path of the part towards shut with the object in it, untouched by the robot [m]
+    Attributes:
+        min_ride: least path of the part towards shut with the object in it, untouched by the robot [m].
+    """
+
+    min_ride: Positive
 
 
 class PutIn(PickPlace):

@@ -1,7 +1,5 @@
 """The state of an annotation session: its history, the selected part, and the edits that clicks ask for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

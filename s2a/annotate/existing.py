@@ -1,7 +1,5 @@
 """An annotation that exists already: read to be edited, and written again with what was not edited as it was."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

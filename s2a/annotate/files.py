@@ -1,7 +1,5 @@
 """An annotation as the folder of a scan: its mesh, Articulate3D's files, and the surfaces that no part covers."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The handle of a front: faces that stand out where somebody clicked, or a parametric shape where the mesh has none."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

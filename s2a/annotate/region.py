@@ -1,7 +1,5 @@
 """A front as a flat region, grown or drawn as a rectangle, and the joints that it may have."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Literal
 

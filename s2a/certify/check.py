@@ -1,7 +1,5 @@
 """A validation report, and suites: checks that register themselves where they are defined."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Generic, Literal, TypeVar

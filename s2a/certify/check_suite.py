@@ -1,7 +1,5 @@
 """The check suite: all checks of a stage, as one validation report a part."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import time

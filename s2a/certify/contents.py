@@ -1,7 +1,5 @@
 """Contents of a sim.usd, read without trusting it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The grasp: the finger gap that the scan leaves free and colliders fill, and the test that a gripper holds the part."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

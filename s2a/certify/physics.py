@@ -1,7 +1,5 @@
 """A sim.usd under physics: one Newton model with a gripper parked out of reach, and the checks of the part that moves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Portability of a sim.usd: its physics as another simulator reads it, and NVIDIA's SimReady rules."""
 
-from __future__ import annotations
-
 import functools
 import importlib.util
 import logging

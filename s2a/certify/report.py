@@ -1,7 +1,5 @@
 """Validation reports as JSON, a table, and images of scan and colliders."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Evidence of the scanned surface in a sim.usd about its joints, grasps, colliders and base poses."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

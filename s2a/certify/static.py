@@ -1,7 +1,5 @@
 """Static checks of a sim.usd: its units, bodies, joints, masses, colliders and grasps."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Command `s2a annotate`: annotate a scan in the browser, or let a network propose parts."""
 
-from __future__ import annotations
-
 import threading
 from contextlib import suppress
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Command `s2a bench`: measure a policy on held-out furniture, part by part."""
 
-from __future__ import annotations
-
 import json
 import logging
 from collections.abc import Callable, Iterator, Sequence

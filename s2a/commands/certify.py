@@ -1,7 +1,5 @@
 """Command `s2a certify`: validate a simulation-ready stage; exit with 1 if a check fails."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Command `s2a check`: compare an annotated scan with its own surface; exit with 1 if they contradict each other."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

@@ -5,8 +5,6 @@ A command is a module of `s2a.commands`, or of the package `commands` of a satel
 `conf/<command>.yaml` with the user's overrides. User errors are one line on stderr and exit code 2.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import gc

@@ -1,7 +1,5 @@
 """Command `s2a collect`: collect demonstrations with cameras, as a LeRobot dataset."""
 
-from __future__ import annotations
-
 import json
 import time
 from dataclasses import asdict, dataclass, replace

@@ -1,7 +1,5 @@
 """Command `s2a convert`: write a simulation-ready stage as MJCF or URDF, for other simulators."""
 
-from __future__ import annotations
-
 from s2a.certify.convert import WRITERS, ConvertSettings, convert, urdf
 from s2a.certify.convert.links import LinkedRoom
 

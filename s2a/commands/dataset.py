@@ -1,7 +1,5 @@
 """Command `s2a dataset`: take many captures through all stages, to an index of parts and a verdict a room."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Command `s2a doctor`: say what is installed, what is missing, and which device runs."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import platform

@@ -1,7 +1,5 @@
 """Command `s2a export`: turn an annotated scan into two flavours of USD, descriptive and geometric."""
 
-from __future__ import annotations
-
 import logging
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Command `s2a import`: turn a mesh file into a scan, or predictions for a scan into an annotated one."""
 
-from __future__ import annotations
-
 import json
 import logging
 import math

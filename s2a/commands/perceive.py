@@ -1,7 +1,5 @@
 """Command `s2a perceive`: train a network that estimates a part's grasp and joint from a depth image."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Command `s2a prepare`: turn a geometric stage into a simulation-ready one."""
 
-from __future__ import annotations
-
 import time
 
 from s2a.prepare.room import PrepareSettings, prepare_stage

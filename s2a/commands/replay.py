@@ -1,7 +1,5 @@
 """Command `s2a replay`: replay demonstrations and measure their success."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Command `s2a report`: show a run, a sweep, an evaluation, a study or a validation report as one page."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Command `s2a train`: train a policy by reinforcement learning (PPO)."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace

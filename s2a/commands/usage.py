@@ -1,7 +1,5 @@
 """Help texts of the command line, generated from the documentation of the configuration classes."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import re

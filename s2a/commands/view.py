@@ -1,7 +1,5 @@
 """Command `s2a view`: show a scan or a stage: its tree as text, an image, or a page in the browser."""
 
-from __future__ import annotations
-
 import shutil
 import threading
 from contextlib import suppress

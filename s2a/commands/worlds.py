@@ -1,7 +1,5 @@
 """The keys that training, evaluation and the benchmark share: the worlds, what is done in them, and what sees the parts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

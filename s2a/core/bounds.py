@@ -1,7 +1,5 @@
 """Bounds of numbers and lists in the configuration, as annotations of a field's type."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass

@@ -3,8 +3,6 @@
 Entries lie below ~/.cache/s2a, or $S2A_CACHE; any of them may be deleted at any time.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import os

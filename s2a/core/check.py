@@ -1,7 +1,5 @@
 """A check: one question to a scan or a stage, its answer as a number against a bound, and what to do; checks as text and JSON."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -4,8 +4,6 @@ A `Mesh` holds what a screen shows: sRGB (IEC 61966-2-1) in 8 bits. USD's `displ
 `baseColorFactor` hold linear light; images, PLY and OBJ hold levels as shown.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 

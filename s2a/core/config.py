@@ -8,8 +8,6 @@ no key: the command line refuses it as unknown, while callers in Python and sett
 type (`s2a.core.bounds`).
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence

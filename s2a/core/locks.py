@@ -1,7 +1,5 @@
 """Locks of outputs: a file beside each that one process holds, and that names its holder."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import hashlib

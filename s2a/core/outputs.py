@@ -1,7 +1,5 @@
 """Outputs: locked against a second command, written to a temporary sibling, then renamed."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import glob

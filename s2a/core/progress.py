@@ -1,7 +1,5 @@
 """Progress bars, warnings as lines, and text without control characters, for a terminal."""
 
-from __future__ import annotations
-
 import io
 import logging
 import os

@@ -1,7 +1,5 @@
 """Provenance of a result: commit, package versions, device."""
 
-from __future__ import annotations
-
 import os
 import platform
 import re

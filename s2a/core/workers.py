@@ -4,8 +4,6 @@ What comes out does not depend on how many helpers there are. Those of all comma
 cores, so that commands side by side do not slow each other down. Helpers end when this process does, also when it is killed.
 """
 
-from __future__ import annotations
-
 import fcntl
 import logging
 import multiprocessing

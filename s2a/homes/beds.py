@@ -5,8 +5,6 @@ and three seats); dining tables 0.71 to 0.76 m high, 0.76 to 1.02 m deep, 0.76 t
 coffee tables 0.40 to 0.46 m high (thesize.net). Common sizes: heights of beds, widths of coffee tables, a chair every 0.6 m.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

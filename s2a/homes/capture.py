@@ -4,8 +4,6 @@ Colours are those of the nearest piece of furniture with wood grain, weave, ligh
 paints the true point that it sees through each point: a handle that a phone's mesh lacks is in its texture, on the front behind.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -5,8 +5,6 @@ chests, lockers and the like: a family (`s2a.homes.storage` and its like) only d
 Fronts lie before the cabinet body (full overlay), as wide as their cells but for the gaps between them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

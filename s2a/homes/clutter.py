@@ -1,7 +1,5 @@
 """Things on and in furniture: themes of objects, and how they are spread over a board without touching."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

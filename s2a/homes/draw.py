@@ -1,7 +1,5 @@
 """Random draws from ranges and weighted lists, in one place so that every family reads the same."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import TypeVar
 

@@ -3,8 +3,6 @@
 The GLB (glTF 2.0, Khronos Group) has y up and an image in which two triangles share a square, a texel apart.
 """
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable

@@ -6,8 +6,6 @@ hewi.com; montario.de on older doors that deviate), longer than 75 mm (baunetzwi
 (kleverkey.com). Common sizes: levers 0.036 to 0.05 m before the leaf, windows, sliding doors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

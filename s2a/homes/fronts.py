@@ -4,8 +4,6 @@ Local frames: face at x = 0, centred in y and z, z up, metres. Sizes as cabinet 
 55 to 90 mm wide around panels that lie 5 to 10 mm deeper.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

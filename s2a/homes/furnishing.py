@@ -1,7 +1,5 @@
 """A home from a random stream: its shape, doors and windows, furniture by the rules of its kind, scanner positions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

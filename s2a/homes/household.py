@@ -1,7 +1,5 @@
 """Things of kitchens and bathrooms that stand and lie about. Local frames: standing on z = 0, front towards +x, metres."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

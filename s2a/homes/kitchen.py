@@ -8,8 +8,6 @@ sizes: plinths from 0.08 m, wall units 0.32 to 0.38 m deep and 0.5 to 0.9 m high
 wide, microwaves, handles of oven doors. EN 1116, which sets such sizes, was not opened.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Things that stand, hang and lie about in living rooms, bedrooms, offices. Local frames: on z = 0, front towards +x, metres."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

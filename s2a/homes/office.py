@@ -6,8 +6,6 @@ deep (m-d-international.com). Common sizes: desks 0.6 to 0.8 m deep and 1.15 to 
 suspension files, roller-shutter cabinets, lockers 0.25 to 0.4 m a column, workbenches, tool cabinets.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

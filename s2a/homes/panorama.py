@@ -6,8 +6,6 @@ neighbours: ones farther away lie beside a handle's bar, which is two or three p
 degrees.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

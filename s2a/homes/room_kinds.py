@@ -1,7 +1,5 @@
 """Rooms of every kind, furnished by rules: kitchens with fitted rows, rooms to live, to wash and to work in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

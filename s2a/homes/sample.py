@@ -3,8 +3,6 @@
 The same home can be scanned once more: parts opened, free objects moved, the scanner put up elsewhere; the truth follows.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

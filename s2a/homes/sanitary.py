@@ -5,8 +5,6 @@ to 0.6 m wide, 0.84 to 0.85 m high, 0.4 to 0.7 m deep (inthewash.co.uk, washgeek
 cupboards, portholes of 0.26 to 0.31 m hinged at the left, toilets, bathtubs.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

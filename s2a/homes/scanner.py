@@ -3,8 +3,6 @@
 A hand-held scanner also drifts along its path, and its fused surface is smoothed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Literal

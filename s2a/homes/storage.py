@@ -10,8 +10,6 @@ Common sizes: nightstands, sideboards, vitrines, shelves, shoe cabinets, an over
 track have recessed pulls, past which those of the front track slide.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The dynamics of joints from recordings of how they were pulled."""
 
-from __future__ import annotations
-
 import queue
 import threading
 from collections.abc import Callable, Sequence

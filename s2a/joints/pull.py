@@ -1,7 +1,5 @@
 """Recordings of how a part was pulled: its opening and the force on it, measured by a hand's sensor or by the robot's joints."""
 
-from __future__ import annotations
-
 import json
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """A part on its joint, its resistance and the arm that pulls it, as a simulation has them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import mujoco

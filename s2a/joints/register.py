@@ -5,8 +5,6 @@ could be, which are fitted by least squares (`register_fit`); those that open ou
 most surface of both scans are kept (`register_search`).
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Joints fitted by least squares, and the candidates from which the fit starts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

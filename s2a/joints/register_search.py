@@ -1,7 +1,5 @@
 """The search among candidate joints: checks of each, a rough fit, and those that explain most surface."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

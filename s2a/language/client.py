@@ -1,7 +1,5 @@
 """Language models over the network: any endpoint that speaks OpenAI's chat protocol."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

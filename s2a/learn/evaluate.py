@@ -1,7 +1,5 @@
 """Evaluation of a policy: one episode a world, counted once, with intervals, over parts and part by part; and of soft bodies."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Corrections of a running trajectory: where it is anchored to something that is elsewhere, the gripper moves along."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Protocol

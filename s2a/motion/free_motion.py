@@ -1,7 +1,5 @@
 """Collision-free motions of an arm between two joint positions: OMPL's RRT-Connect, shortened and smoothed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any

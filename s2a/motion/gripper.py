@@ -1,7 +1,5 @@
 """A parallel gripper: its shape in the tool frame, how deep it reaches into a room, and what its pads must find to hold."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import cache

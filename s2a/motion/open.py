@@ -1,7 +1,5 @@
 """The skills open and close: a part is moved by its handle, or pushed; base, joint path and targets over time."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Bases from which a robot can do all of a task with a part: hold its handle, or push its outer face with the closed gripper."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace

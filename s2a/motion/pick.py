@@ -1,7 +1,5 @@
 """The skill pick and place: the stage of a free object, its plan, and the segments that do it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Plans to pick a free object and place it: base, grasp and joint paths, or the segment that fails and by how much."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence

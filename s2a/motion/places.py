@@ -1,7 +1,5 @@
 """Placements of an object: as scanned, on a support, at a pose, or where an insertion put it."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

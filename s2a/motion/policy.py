@@ -1,7 +1,5 @@
 """The policy that follows planned trajectories in running worlds; the grip is friction alone, nothing is attached."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """The skill put in: a part is opened, an object picked and placed in it, the part shut; one base for all of it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The search for where a robot can stand, reach, and move along a path: joint paths, or a reason for each base."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence

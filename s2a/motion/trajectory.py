@@ -1,7 +1,5 @@
 """The planner's settings, and joint targets in time, within the limits of the robot."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Sequence

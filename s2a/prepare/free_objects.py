@@ -1,7 +1,5 @@
 """Free objects: extracted from the merged room, closed, weighed, and set on what carries them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated

@@ -1,7 +1,5 @@
 """The grasp of a part, free of collisions, and the heading of a robot that opens it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace

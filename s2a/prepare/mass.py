@@ -1,7 +1,5 @@
 """Mass and inertia of bodies, and the interiors that a scan of a closed part cannot show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

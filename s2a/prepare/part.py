@@ -1,7 +1,5 @@
 """Results for one articulated part: grasp, colliders, base pose; for many parts on all processors, and cached."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import logging

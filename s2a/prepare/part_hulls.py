@@ -1,7 +1,5 @@
 """Convex hulls of an articulated part with a free finger gap, and the pairs of bodies that must not collide."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal

@@ -4,8 +4,6 @@ All joints of a room are refined together, for they tell of one another: fronts 
 far the annotations of a room lie from what its fronts say tells how far to trust them (the prior's width).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The front of a moving part in one scan: its plane and its sides, each with its uncertainty."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

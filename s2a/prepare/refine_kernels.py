@@ -5,8 +5,6 @@ across it, `SHIFT` moves its line along the same directions [m], `ZERO` is the c
 Every piece of furniture has a frame, turned by three small angles [rad]. Positions are scene coordinates [m], float64.
 """
 
-from __future__ import annotations
-
 import warp as wp
 
 # Kinds of terms: what a value is of

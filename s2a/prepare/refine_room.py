@@ -1,7 +1,5 @@
 """The joints of a room as one problem: observations of its scan, and the parameters that fit them best."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Scene -> simulation-ready room: every articulated part with the colliders, grasp and base pose that a robot needs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Convex hulls of the static room, the flat tops of its supports, and its visible surfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

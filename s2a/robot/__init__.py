@@ -1,7 +1,5 @@
 """Robots: one YAML file each, of this package or the user's; kinematics, geometry and limits of all of them."""
 
-from __future__ import annotations
-
 import os
 from functools import cache
 from pathlib import Path

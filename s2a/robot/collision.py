@@ -1,7 +1,5 @@
 """The collision shape of a robot: spheres around its links, and how deep they reach into each other."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """MJCF files as URDF: links, joints and shapes as MuJoCo compiles them, closed loops as mimic joints."""
 
-from __future__ import annotations
-
 import hashlib
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A robot in a Newton model: arm and gripper, or the gripper alone."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Description of a robot: one arm with a gripper of two fingers, from one YAML file."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 from typing import Annotated

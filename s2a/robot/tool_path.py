@@ -1,7 +1,5 @@
 """Paths of the tool frame: straight to a grasp, then with the part that it holds."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

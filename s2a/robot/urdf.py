@@ -5,8 +5,6 @@ become a soft equality; the fingers are driven one by one). Other joints of a gr
 where it is. What is fixed to a finger becomes part of its link.
 """
 
-from __future__ import annotations
-
 import copy
 import xml.etree.ElementTree as ElementTree
 from functools import cache

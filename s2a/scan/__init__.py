@@ -1,7 +1,5 @@
 """Annotated scans of real rooms: a scan directory -> Scene, and its two flavours of USD."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

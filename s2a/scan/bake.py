@@ -1,7 +1,5 @@
 """Textures -> colours of vertices: faces are split where the texture holds more than their corners' colours."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The files of a folder that make up a scan on a mesh of ScanNet, ScanNet++ or nobody."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Up direction and unit of a mesh: what its file states, checked against the room, or what the room alone tells."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A glTF 2.0 or GLB file: its JSON and buffers, accessors of every kind, and the colours of its primitives."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math

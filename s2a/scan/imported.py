@@ -1,7 +1,5 @@
 """A mesh file -> the folder of a scan that `s2a.scan.read` reads."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass

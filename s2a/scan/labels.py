@@ -1,7 +1,5 @@
 """Annotators' labels: `door.1.2` is a door, and part of whatever carries the index path 1."""
 
-from __future__ import annotations
-
 import logging
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Orthophotos of planes: photos of a recording, seen square on, from the keyframes that see a plane best."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass

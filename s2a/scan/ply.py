@@ -1,7 +1,5 @@
 """A scan's triangle mesh, read from PLY in double precision and checked."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The elements of a PLY file as columns, ASCII or binary, and a mesh with vertex colours as a PLY file."""
 
-from __future__ import annotations
-
 import re
 import struct
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Polygons -> triangles: a fan where a polygon is convex, ears where it is not, so that no notch is covered."""
 
-from __future__ import annotations
-
 import numpy as np
 
 _FLAT = 1e-9  # fraction of a polygon's own size squared below which a triangle has no area

@@ -1,7 +1,5 @@
 """Predicted parts and joints of a scan, from JSON or a network's pickle, and as Articulate3D's files."""
 
-from __future__ import annotations
-
 import json
 import math
 import pickle

@@ -1,7 +1,5 @@
 """Files of recordings, checked: images, arrays, poses, cameras, tables and times in names."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

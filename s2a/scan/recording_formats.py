@@ -1,7 +1,5 @@
 """Readers of recordings of posed depth and colour: one a format, recognised by the names of files."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable, Iterable, Sequence

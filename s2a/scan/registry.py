@@ -1,7 +1,5 @@
 """Formats by registration: every module of a package that has `recognise` and `read`, and those that other packages bring."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Surfels of a mesh: points with normals, evenly spread over its surface, and the directions that they face."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -3,8 +3,6 @@
 The object is fitted into its box in the scan, and each face of the scan in the box goes to the link whose surface is nearest.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

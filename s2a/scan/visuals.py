@@ -1,7 +1,5 @@
 """Rooms from any file that holds one: what is seen of them, and the same as a tree of text."""
 
-from __future__ import annotations
-
 import io
 import math
 import re

@@ -6,8 +6,6 @@ the page. Another kind is one more row:
     artefacts.register(Artefact("a point file of mine", lambda path: path.suffix == ".mine", room=read_mine))
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace

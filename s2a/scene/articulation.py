@@ -4,8 +4,6 @@ A joint's coordinate q is 0 in the scanned pose, [m] for a slide and [rad] for a
 coordinates. The farther limit from zero is the open one, since a scan's zero is the pose in which the part was found.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 World frame: z up, metres, radians, seconds, kilograms. A joint's coordinate 0 is the pose in which the room was scanned.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Iterator, Mapping, Sequence

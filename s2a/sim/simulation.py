@@ -1,7 +1,5 @@
 """Many worlds of one sim.usd, stepped together."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A soft body in a room and the arm that grips it: the body by VBD, the arm by MuJoCo, coupled by proxies of the gripper."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A soft body: its settings, tetrahedra that are simulated, and the finer surface that is shown with them."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from pathlib import Path

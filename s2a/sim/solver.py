@@ -1,7 +1,5 @@
 """The solver of physics: its settings, the layout of a world's coordinates, and the properties in which worlds differ."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """sim.usd -> one Newton world: the robot, the manipulated object, the room's colliders."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

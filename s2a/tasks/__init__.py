@@ -1,7 +1,5 @@
 """Tasks: the vectorised environment, and one file a task, found by its name or by its path."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import sys

@@ -1,7 +1,5 @@
 """A task: its settings, its terms by name, and the hooks in which its own kernels run."""
 
-from __future__ import annotations
-
 import inspect
 import math
 from collections.abc import Mapping, Sequence

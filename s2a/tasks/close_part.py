@@ -1,7 +1,5 @@
 """Closing an articulated part that stands open."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

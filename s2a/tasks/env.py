@@ -5,8 +5,6 @@ and the task reads the contacts; the task's update, then reward terms and their 
 counts; the reset of these worlds; observations. Nothing is allocated and nothing waits for the device.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Observations and actions of a task by column: name, unit, frame, range; for users with a network of their own."""
 
-from __future__ import annotations
-
 import inspect
 import itertools
 import re

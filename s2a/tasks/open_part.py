@@ -1,7 +1,5 @@
 """Opening an articulated part by its handle."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

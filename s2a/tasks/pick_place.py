@@ -1,7 +1,5 @@
 """Picking a free object and placing it on a support."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 

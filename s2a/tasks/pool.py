@@ -1,7 +1,5 @@
 """Parts of many rooms that are simulated together: an index of simulation-ready rooms, with a planned motion of each part."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """Putting a free object into an articulated part: open it, put the object in, shut it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

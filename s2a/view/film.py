@@ -1,7 +1,5 @@
 """Short videos of what worlds did, for a report: the project's own images of the room and the robot, frame by frame."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 from pathlib import Path

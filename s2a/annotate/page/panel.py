@@ -1,7 +1,5 @@
 """The controls of the annotation page, and what clicks in the scene do."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The overlay of the annotation page: fronts, handles and axes, and the places of the scan that clicks hit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

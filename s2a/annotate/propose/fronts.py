@@ -1,7 +1,5 @@
 """Fronts from the network's map of a plane: rectangles, the ways in which they open, and their handles."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

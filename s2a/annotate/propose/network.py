@@ -1,7 +1,5 @@
 """A network that sees fronts and their handles in the image of a plane."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Literal

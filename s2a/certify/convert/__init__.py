@@ -4,8 +4,6 @@ Both formats are written from the same Newton model (`s2a.certify.convert.links`
 what the simulation here has.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal

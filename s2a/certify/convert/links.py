@@ -1,7 +1,5 @@
 """A simulation-ready room as links: what moves or carries something that moves, each with its hulls and surfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -5,8 +5,6 @@ simulation. It is tidied: names without paths, meshes in files of their own, sur
 another model (Newton makes mocap bodies of them, which cannot).
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 

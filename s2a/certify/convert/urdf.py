@@ -5,8 +5,6 @@ cannot express: pairs that do not collide are in room.srdf beside (MoveIt's form
 stands where room.urdf has a frame of its name, and the spring of a joint is left out.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
 from pathlib import Path

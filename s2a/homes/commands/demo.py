@@ -1,7 +1,5 @@
 """Command `s2a demo`: run every step from a virtual office to a robot that opens one of its drawers."""
 
-from __future__ import annotations
-
 import shlex
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Command `s2a sample`: furnish a virtual room and scan it: writes an annotated scan."""
 
-from __future__ import annotations
-
 import json
 
 from s2a.core.outputs import atomic_write

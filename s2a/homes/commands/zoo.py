@@ -1,7 +1,5 @@
 """Command `s2a zoo`: write a hundred labelled objects, as untidy as downloads, to insert."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 

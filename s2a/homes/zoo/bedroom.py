@@ -1,7 +1,5 @@
 """Bedroom: comfort and decor. Shapes in millimetres, at the ordinary sizes of such objects."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from s2a.homes.solids import FABRIC, WOOD, Surface, box, cylinder, ellipsoid, join, lathe, prism, stadium

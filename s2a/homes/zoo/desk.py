@@ -1,7 +1,5 @@
 """Stationery, and other things of a desk. Shapes in millimetres, at the ordinary sizes of such objects."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from s2a.homes.solids import Surface, box, cylinder, join, lathe

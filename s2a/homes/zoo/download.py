@@ -3,8 +3,6 @@
 Files of coloured meshes are as modellers export them: the coordinates as they are, the colours in each format's own way.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Kitchen: food, and things to cook and eat with. Shapes in millimetres, at the ordinary sizes of such objects."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from s2a.homes.solids import WOOD, Surface, box, cylinder, join, lathe

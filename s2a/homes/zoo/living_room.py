@@ -1,7 +1,5 @@
 """Living room: on the wall, for the evening, ornaments, games. Shapes in millimetres, at the ordinary sizes of such objects."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

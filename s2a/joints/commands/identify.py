@@ -1,7 +1,5 @@
 """Command `s2a identify`: find mass, friction, damping and spring of a joint from recorded pulls."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import dataclass

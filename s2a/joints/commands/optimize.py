@@ -1,7 +1,5 @@
 """Command `s2a optimize`: find the best time law with which an arm pulls a part, by gradient."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Command `s2a register`: find the parts that are open in a second scan of a room, and their joints."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

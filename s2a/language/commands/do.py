@@ -1,7 +1,5 @@
 """Command `s2a do`: execute a sentence in simulation: a language model or rules plan, the planner acts."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Command `s2a insert`: insert objects into a room where they belong, as a layer over its stage."""
 
-from __future__ import annotations
-
 from s2a.core.errors import CheckFailed
 from s2a.language.insert.batch import Insertion, insert_all
 from s2a.language.insert.settings import InsertSettings

@@ -1,7 +1,5 @@
 """Facts of a room for a planner of skills: parts with labels, boxes and joints, open parts, free objects."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

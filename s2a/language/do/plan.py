@@ -1,7 +1,5 @@
 """The plan for a sentence: a list of skills, or a refusal; parsed strictly and checked against the room."""
 
-from __future__ import annotations
-
 import json
 import textwrap
 from collections.abc import Callable, Mapping

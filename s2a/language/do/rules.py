@@ -1,7 +1,5 @@
 """The rule-based fallback: English sentences of a few verbs, without a model; what it does not read, it refuses."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """A sentence in a room: plan, check, execute skill by skill, and plan once more where one fails."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Insertion of one or several objects into a stage, and the files that come of it."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import dataclass

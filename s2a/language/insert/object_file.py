@@ -1,7 +1,5 @@
 """An object's file as a clean mesh that is upright and in metres."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

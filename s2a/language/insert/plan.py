@@ -1,7 +1,5 @@
 """The plan of an insertion and the size of its object: a model's answers, validated against the room."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import asdict, dataclass, replace

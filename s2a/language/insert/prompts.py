@@ -1,7 +1,5 @@
 """Prompts for models: a system prompt a step, its JSON schema, the question, and the script of an insertion."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

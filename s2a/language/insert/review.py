@@ -1,7 +1,5 @@
 """The review of an object in its place: the camera poses that show it best, and a model's verdict on the images."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Settings of an insertion, the keys of `s2a insert`; an object that is requested, and one in its place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal

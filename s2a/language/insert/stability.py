@@ -1,7 +1,5 @@
 """The drop test of an inserted object: its convex hulls are released at the candidate pose, among the room's triangles."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace

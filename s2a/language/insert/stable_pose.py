@@ -1,7 +1,5 @@
 """Stable poses of an object: tilt margins by up axis, concavities at its ends, and cross-sections along its axes."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation

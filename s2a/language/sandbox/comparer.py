@@ -3,8 +3,6 @@
 `s2a.language.sandbox.jail` starts it as it starts that of a script, with the same sandbox layers and limits.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -3,8 +3,6 @@
 The order of statements and the scopes of names are not looked at: a name may be whatever any line gives it.
 """
 
-from __future__ import annotations
-
 import ast
 import itertools
 import math

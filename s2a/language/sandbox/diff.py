@@ -5,8 +5,6 @@ and no other file is opened: a layer is read, never a stage composed of what it 
 same; `s2a.language.sandbox.jail.Sandbox.compare` runs this module in a process of its own.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Operations of usd-core that a script may use to place an object, and violations of the policy in words."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from s2a.core.errors import InputError, printable

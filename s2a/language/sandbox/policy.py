@@ -5,8 +5,6 @@ Everything that is not known to be harmless is refused: statements, operators, n
 line is wrong and why.
 """
 
-from __future__ import annotations
-
 import ast
 import posixpath
 import re

@@ -4,8 +4,6 @@
 /dev/null. Reports after the script began are untrusted; the report of the active layers is sent before.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 import os

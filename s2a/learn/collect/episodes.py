@@ -1,7 +1,5 @@
 """Episodes that are collected: what all worlds saw and did, their folder, and what it takes to play each of them again."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import tempfile

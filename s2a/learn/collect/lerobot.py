@@ -3,8 +3,6 @@
 Format: huggingface/lerobot 0.4.4, lerobot/datasets/utils.py (paths, info.json) and lerobot_dataset.py (columns of meta/episodes).
 """
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

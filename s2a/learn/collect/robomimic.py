@@ -4,8 +4,6 @@ Format: robomimic 0.3, docs/datasets/overview.md and utils/dataset.py. A file th
 be beyond repair; linked, no finished episode is ever open.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A depth camera before the furniture, and the points of a part in its frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The network that estimates a part from points: its layers, its training, and what it makes of a pool's or a room's parts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The environment as rsl-rl sees it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The settings of proximal policy optimisation, rsl-rl's names for them, and the processes that train one policy."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass

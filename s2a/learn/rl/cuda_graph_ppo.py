@@ -4,8 +4,6 @@ rsl-rl waits for the GPU some six times a mini-batch (the divergence, the losses
 between; with 8 x 8 mini-batches of networks as small as these, that is most of an update.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Callable, Iterator

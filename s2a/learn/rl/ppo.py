@@ -1,7 +1,5 @@
 """Training a policy by proximal policy optimisation: rsl-rl around the environment, with checkpoints that hold the whole run."""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import io

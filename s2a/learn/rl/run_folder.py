@@ -1,7 +1,5 @@
 """The folder of a training run: its settings, checkpoints and log."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import logging

@@ -3,8 +3,6 @@
 Every function compares an annotation with what was scanned, never with what was derived from the same annotation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from s2a.core.bounds import Fraction, NotNegative, Positive

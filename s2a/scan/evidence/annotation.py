@@ -1,7 +1,5 @@
 """All checks of an annotated scan: up axis and unit of the room, then each moving part."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Annotated faces against the surface: parts that touch nothing, faces that two unrelated parts list, grasp regions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

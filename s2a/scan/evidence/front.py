@@ -1,7 +1,5 @@
 """The front of a part that moves: its largest plane, and on which side of it the room is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joints against the surface: the opening direction, slides, hinges, and the kind of a joint against the name of its part."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

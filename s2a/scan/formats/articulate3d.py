@@ -5,8 +5,6 @@ where a guess would be wrong. What belongs to what comes from the labels of `<sc
 `<scene>_artic.json`, and the rest of the room from ScanNet++'s own annotation.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """ScanNet's and ScanNet++'s scans without joints, and meshes that nobody annotated -> Scene of flat, fixed parts."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

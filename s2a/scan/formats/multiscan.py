@@ -7,8 +7,6 @@ MultiScan knows no handles, so a jointed part is grasped itself. What annotators
 own tools; what they named "split" is "unannotated".
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

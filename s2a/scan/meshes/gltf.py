@@ -1,7 +1,5 @@
 """glTF 2.0 and GLB -> SourceMesh: everything that the file's own scene shows, y up and in metres as its specification says."""
 
-from __future__ import annotations
-
 import logging
 from collections import Counter
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Handles that are bars: cross-section, depth, and the hulls of bar and posts that keep the finger gap free."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An orbit camera: intrinsics, and the pose from which its subject fills the image."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated

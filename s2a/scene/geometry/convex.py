@@ -1,7 +1,5 @@
 """Convex hulls: construction, cuts, containment, decomposition of solids, and swept volumes."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from itertools import pairwise

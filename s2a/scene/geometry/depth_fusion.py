@@ -5,8 +5,6 @@ measurements count more. Colours are averaged over the images that see a voxel n
 are those of the virtual scanner (`s2a.scene.geometry.surface_nets`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

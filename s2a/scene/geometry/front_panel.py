@@ -1,7 +1,5 @@
 """The front panel behind a handle: its border, a recessed pull in it, and the finger gap before it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Shadows hang skirts on one side of a knob; what most of its sides agree on is the knob.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import least_squares

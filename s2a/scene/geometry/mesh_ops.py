@@ -1,7 +1,5 @@
 """Operations on meshes: merge, subset, weld, normals, sampling."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

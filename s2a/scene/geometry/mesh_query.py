@@ -1,7 +1,5 @@
 """Closest-point and ray queries at triangle meshes, on the CPU."""
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Occupancy grid over a plane: occupied layers, and the lowest surface above each cell."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Planar patches: detection in a noisy mesh, and covers of few thin boxes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

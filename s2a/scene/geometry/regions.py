@@ -1,7 +1,5 @@
 """Support regions of a target for standing, hanging or contained objects, with outline, free area and clearance."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Images of meshes: rays cast from a camera and shaded, and a room seen from above its corner."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

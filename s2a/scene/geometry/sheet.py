@@ -1,7 +1,5 @@
 """Handles that are bent sheets, open on one side (cups, edge pulls), as thin convex hulls."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Decimation of the static room, which only has to be seen."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

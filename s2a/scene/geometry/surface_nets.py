@@ -4,8 +4,6 @@ One vertex a cell that the surface crosses, one quad an edge that it crosses; on
 Thinning turns millions of even triangles into a scan's uneven ones: large on planes, small on detail.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Literal
 

@@ -3,8 +3,6 @@
 Parts nest as they belong together. A flag that is absent is false, and a part without a motion stands still.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -14,8 +14,6 @@
 There are no colliders, and a mass only where one is annotated: this is a record of the room, not yet a simulation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

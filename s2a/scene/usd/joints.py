@@ -4,8 +4,6 @@ Bodies stand at the identity, so a joint's frame is the same in both bodies: its
 Where an editor moved a body afterwards, the joint goes with the body that it moves, as that one's surface does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The reader of the simulation-ready flavour; its layout is documented in `s2a.scene.usd.sim_stage`, which writes it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

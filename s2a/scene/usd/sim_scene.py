@@ -1,7 +1,5 @@
 """The data of a simulation-ready room: bodies, joints, grasps, base poses, colliders."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 

@@ -11,8 +11,6 @@ Points lie in scene coordinates, but those of a free object in a frame at its ce
 writes and reads the layout; `s2a.certify.contents` reads what may be damaged.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

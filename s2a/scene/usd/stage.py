@@ -1,7 +1,5 @@
 """Common to all flavours: stages, meshes, and attributes in the namespace `s2a:`."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The result of the last validation, stamped into the stage that it is of, with the hash of what was validated."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Cards of parts on the page: their row in the tree, and the remarks of reports and insertions."""
 
-from __future__ import annotations
-
 import html
 import json
 import math

@@ -1,7 +1,5 @@
 """A mesh as binary glTF 2.0, small enough to travel: fewer faces, positions in 16 bits."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from typing import Any

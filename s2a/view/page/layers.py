@@ -1,7 +1,5 @@
 """The layers of a page as meshes and arrows, each with the jointed part that it moves with."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

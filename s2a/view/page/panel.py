@@ -1,7 +1,5 @@
 """The page's controls: layers, a slider for every joint, the tree of parts, the part that is selected."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Literal
 

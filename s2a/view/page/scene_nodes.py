@@ -1,7 +1,5 @@
 """The layers of a page in viser's scene: nodes that move with their joints, and can be shown and hidden."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The page as a server on this machine, as one file that needs none, and with a time line on which worlds move."""
 
-from __future__ import annotations
-
 import html
 import threading
 import time

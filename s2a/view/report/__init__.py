@@ -1,7 +1,5 @@
 """Reports from files, by their contents."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pages of results: runs and sweeps, rates of episodes, studies of many objects, validation reports."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

@@ -18,31 +18,21 @@ from s2a.core.errors import InputError, printable
 T = TypeVar("T")
 Step = Literal["plan", "scale", "script", "review", "skills"]
 Message = tuple[Literal["user", "assistant"], str]
+# The models that write them end with them before the answer begins
 THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought|reasoning)>", re.DOTALL | re.IGNORECASE)
-"""The models that write them end with them before the answer begins."""
-QUOTED = 2000
-"""Characters of a rejected answer that are quoted back to the model."""
+QUOTED = 2000  # Characters of a rejected answer that are quoted back to the model
 
 
 @dataclass(frozen=True)
 class Request:
-    """A question to a model.
+    """A question to a model."""
 
-    Attributes:
-        step: of an insertion; "skills" plans for a sentence.
-        system: system prompt of the step.
-        messages: (role, text), the question first, then rejected answers and the feedback on them.
-        schema: JSON schema of the answer; None where the answer is a script.
-        facts: content of the question as values, for the rule-based fallback.
-        images: PNG files that go with the question, for models that see.
-    """
-
-    step: Step
-    system: str
-    messages: tuple[Message, ...]
-    schema: Mapping[str, Any] | None
-    facts: Mapping[str, Any]
-    images: tuple[bytes, ...] = ()
+    step: Step  # of an insertion; "skills" plans for a sentence
+    system: str  # system prompt of the step
+    messages: tuple[Message, ...]  # (role, text), the question first, then rejected answers and the feedback on them
+    schema: Mapping[str, Any] | None  # JSON schema of the answer; None where the answer is a script
+    facts: Mapping[str, Any]  # content of the question as values, for the rule-based fallback
+    images: tuple[bytes, ...] = ()  # PNG files that go with the question, for models that see
 
     def with_feedback(self, answer: str, feedback: str) -> Request:
         """Return the question followed by an answer and the feedback on it."""
@@ -152,24 +142,18 @@ def _number(value: Any) -> Any:
     return number
 
 
-Record = dict[str, Any]
-"""Results of an insertion by step: plain values for JSON."""
+Record = dict[str, Any]  # Results of an insertion by step: plain values for JSON
 MOST_TOKENS = 10**9
-PER_TOKEN = 3.5
-"""Characters per token: between 3 and 4 for the JSON of a room with the tokenizers of 2024 and 2025."""
+PER_TOKEN = 3.5  # Characters per token: between 3 and 4 for the JSON of a room with the tokenizers of 2024 and 2025
 
 
 @dataclass
 class UsageLog:
-    """Log of a model's answers with their tokens and prices.
+    """Log of a model's answers with their tokens and prices."""
 
-    Attributes:
-        prices: US dollars for a million tokens of the request and of the answer; zeros where it is free.
-        entries: one per answer.
-    """
-
+    # US dollars for a million tokens of the request and of the answer; zeros where it is free
     prices: tuple[float, float]
-    entries: list[dict[str, Any]] = field(default_factory=list)
+    entries: list[dict[str, Any]] = field(default_factory=list)  # one per answer
 
     def add(self, step: str, answer: Answer, refused: str = "") -> None:
         """Log an answer, and why it was rejected."""

@@ -20,13 +20,12 @@ from s2a.core.outputs import atomic_write
 from s2a.language.ask import Answer, Model, Request, is_count, tokens
 from s2a.language.insert.rules import rules
 
+# Numbers of a pose in the question for a script. A recording has a slot for each, because the same question may come
+# with another pose: surfaces and search results differ in their last digits
 EXACT = re.compile(r"(?<![\w.])-?\d+\.\d{4,}(?![\w.])")
-"""Numbers of a pose in the question for a script. A recording has a slot for each, because the same question may come
-with another pose: surfaces and search results differ in their last digits."""
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.\d+(?![\w.])")
 TEXTS = ("step", "prompt", "about", "gist", "model", "answer")
-COUNTS = ("prompt_tokens", "completion_tokens")
-"""Keys of an entry."""
+COUNTS = ("prompt_tokens", "completion_tokens")  # Keys of an entry
 OTHER = "recorded in this room when its measures were others"
 
 
@@ -164,10 +163,11 @@ def _whole(entry: Any) -> bool:
 
 
 T = TypeVar("T")
-MAX_WAIT = 60.0
-"""Before a retry, as an endpoint may ask for [s]."""
+MAX_WAIT = 60.0  # Before a retry, as an endpoint may ask for [s]
 
 
+# What some models refuse, and the words in which their servers say so; "whole" is an answer that does not come in
+# parts
 REFUSABLE = {
     "response_format": r"response_?format|json_?schema|schema|structured|guided|grammar",
     "max_tokens": r"max_tokens",
@@ -176,11 +176,8 @@ REFUSABLE = {
     "whole": r"\bstream\w*\b.{0,24}(?:mode|only|true|required|parameter)|(?:only|must)\b.{0,24}\bstream",
     "system": r"role\W+(?:\w+\W+){0,4}system|\bsystem\W+(?:role|message|prompt|instruction)|developer instruction|must alternate",
 }
-"""What some models refuse, and the words in which their servers say so; "whole" is an answer that does not come in parts."""
-EVENTS = re.compile(rb"(?:\s|:[^\n]*\n|event:[^\n]*\n)*data:")
-"""The beginning of a response that comes in parts."""
-REFUSALS = (400, 404, 415, 422, 500, 501)
-"""Status of a response that refuses a request as it is."""
+EVENTS = re.compile(rb"(?:\s|:[^\n]*\n|event:[^\n]*\n)*data:")  # The beginning of a response that comes in parts
+REFUSALS = (400, 404, 415, 422, 500, 501)  # Status of a response that refuses a request as it is
 FILTERS = re.compile(
     r"content_filter|content management|safety|blocklist|prohibited|recitation|guardrail", re.IGNORECASE
 )

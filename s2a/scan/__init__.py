@@ -29,17 +29,11 @@ def load_scene(path: Path) -> Scene:
 
 @dataclass(frozen=True)
 class Export:
-    """Result of an export.
+    """Result of an export."""
 
-    Attributes:
-        scene: the scene that was read.
-        descriptive: the descriptive.usda that was written: labels, boxes and joints in words.
-        geometric: the geometric.usd that was written: surfaces and joints.
-    """
-
-    scene: Scene
-    descriptive: Path
-    geometric: Path
+    scene: Scene  # the scene that was read
+    descriptive: Path  # the descriptive.usda that was written: labels, boxes and joints in words
+    geometric: Path  # the geometric.usd that was written: surfaces and joints
 
 
 def export(path: Path, out: Path) -> Export:

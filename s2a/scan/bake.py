@@ -6,8 +6,8 @@ import numpy as np
 
 from s2a.scan.source import SourceMesh, sample
 
+# Levels of 255 by which a texture must differ from the blend of a face's corners to be worth a split: just visible
 DETAIL = 12.0
-"""Levels of 255 by which a texture must differ from the blend of a face's corners to be worth a split: just visible."""
 _ROUNDS = 14
 _FINEST = 32  # points along an edge at which a texture is compared; a 1 cm texel then misses nothing up to 32 cm
 _CHUNK = 200_000  # points sampled at once
@@ -15,19 +15,12 @@ _CHUNK = 200_000  # points sampled at once
 
 @dataclass(frozen=True)
 class Baked:
-    """A connected mesh with colours, in the file's unit.
+    """A connected mesh with colours, in the file's unit."""
 
-    Attributes:
-        vertices: shape [vertex 3], float64; each position once, in the order of first use.
-        faces: shape [face 3], int64; the parts of a split face follow one another.
-        colors: RGB, shape [vertex 3], uint8.
-        source_face: face of the file that each face is, or is a part of; ascending, shape [face].
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    colors: np.ndarray
-    source_face: np.ndarray
+    vertices: np.ndarray  # shape [vertex 3], float64; each position once, in the order of first use
+    faces: np.ndarray  # shape [face 3], int64; the parts of a split face follow one another
+    colors: np.ndarray  # RGB, shape [vertex 3], uint8
+    source_face: np.ndarray  # face of the file that each face is, or is a part of; ascending, shape [face]
 
 
 def bake(mesh: SourceMesh, texel: float) -> Baked:

@@ -16,15 +16,10 @@ from s2a.core.errors import InputError
 
 @dataclass(frozen=True)
 class Record:
-    """One JSON object of an annotation file.
+    """One JSON object of an annotation file."""
 
-    Attributes:
-        values: its keys and values, unchecked.
-        where: the file and the place in it, for messages ("/scans/0a5c_parts.json, part 7 'handle.1.2'").
-    """
-
-    values: dict[str, Any]
-    where: str
+    values: dict[str, Any]  # its keys and values, unchecked
+    where: str  # the file and the place in it, for messages ("/scans/0a5c_parts.json, part 7 'handle.1.2'")
 
     def has(self, key: str) -> bool:
         """Return True if a key is present with a value other than null."""

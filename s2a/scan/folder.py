@@ -9,24 +9,19 @@ from s2a.scan import registry
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"
 GROUPS = "segments_anno.json"
+# Ending of ScanNet's mesh; beside it lie `<scene>_vh_clean_2.0.010000.segs.json` and `<scene>.aggregation.json`
 SCANNET = "_vh_clean_2.ply"
-"""Ending of ScanNet's mesh; beside it lie `<scene>_vh_clean_2.0.010000.segs.json` and `<scene>.aggregation.json`."""
+# Endings of meshes that have to be converted to PLY first
 FOREIGN = (".obj", ".glb", ".gltf", ".stl", ".off", ".dae", ".usdz", ".fbx")
-"""Endings of meshes that have to be converted to PLY first."""
 
 
 @dataclass(frozen=True)
 class BareFiles:
-    """The files of a scan whose motions nobody annotated.
+    """The files of a scan whose motions nobody annotated."""
 
-    Attributes:
-        name: the scan's name ("0a5c013435").
-        mesh: ScanNet++'s mesh, which everything else counts in.
-        segments: ScanNet++'s segments and groups of segments, or None where the folder has neither.
-    """
-
-    name: str
-    mesh: Path
+    name: str  # the scan's name ("0a5c013435")
+    mesh: Path  # ScanNet++'s mesh, which everything else counts in
+    # ScanNet++'s segments and groups of segments, or None where the folder has neither
     segments: tuple[Path, Path] | None
 
 

@@ -16,16 +16,12 @@ from s2a.scan.upright import Candidate
 UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 UP |= {"-x": (-1.0, 0.0, 0.0), "-y": (0.0, -1.0, 0.0), "-z": (0.0, 0.0, -1.0)}
 """Directions in the file's frame, by name."""
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
-"""Metres a unit."""
-TYPICAL = (2.0, 3.6)
-"""Heights of usual rooms [m]; so narrow that no height is one of them in two of the units."""
-POSSIBLE = (1.5, 6.0)
-"""Heights of scanned rooms [m], also without ceiling or with a high one."""
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}  # Metres a unit
+TYPICAL = (2.0, 3.6)  # Heights of usual rooms [m]; so narrow that no height is one of them in two of the units
+POSSIBLE = (1.5, 6.0)  # Heights of scanned rooms [m], also without ceiling or with a high one
+# Heights [m] of parts of rooms, and of stairwells: believed in metres, which nearly all capture programs write
 PARTIAL = (0.6, 8.0)
-"""Heights [m] of parts of rooms, and of stairwells: believed in metres, which nearly all capture programs write."""
-BELIEVED = (0.02, 15.0)
-"""Heights [m] at which a file's own unit is believed: single objects to halls."""
+BELIEVED = (0.02, 15.0)  # Heights [m] at which a file's own unit is believed: single objects to halls
 
 _SAME = 12.0  # deg; a stated axis and a direction of the surface this near are the same
 _ALIGNED = 1.0  # deg; a direction this near to an axis of the file is that axis: programs that know gravity write it so
@@ -46,36 +42,22 @@ _PROGRAMS = (
 
 @dataclass(frozen=True, eq=False)
 class Hint:
-    """An up direction for which more than the surface speaks.
+    """An up direction for which more than the surface speaks."""
 
-    Attributes:
-        up: unit, in the file's coordinates, shape [3].
-        by: what speaks for it: "the cameras", "the labels".
-    """
-
-    up: np.ndarray
-    by: str
+    up: np.ndarray  # unit, in the file's coordinates, shape [3]
+    by: str  # what speaks for it: "the cameras", "the labels"
 
 
 @dataclass(frozen=True)
 class FileFrame:
-    """How a file's coordinates become the scan's: z up, metres.
+    """How a file's coordinates become the scan's: z up, metres."""
 
-    Attributes:
-        up: unit vector in the file's coordinates.
-        unit: metres a unit of the file.
-        why_up: evidence for the direction.
-        why_unit: evidence for the unit.
-        confidence: probability that the direction is right; None where it was given.
-        doubts: what is uncertain, for a warning each.
-    """
-
-    up: tuple[float, float, float]
-    unit: float
-    why_up: str
-    why_unit: str
-    confidence: float | None = None
-    doubts: tuple[str, ...] = ()
+    up: tuple[float, float, float]  # unit vector in the file's coordinates
+    unit: float  # metres a unit of the file
+    why_up: str  # evidence for the direction
+    why_unit: str  # evidence for the unit
+    confidence: float | None = None  # probability that the direction is right; None where it was given
+    doubts: tuple[str, ...] = ()  # what is uncertain, for a warning each
 
     @property
     def name(self) -> str:
@@ -329,11 +311,7 @@ def _unit(height: float, stated: Stated, unit: str) -> tuple[float, str, tuple[s
 
 
 def _stated_doubts(height: float, stated: Stated, possible: list[str]) -> tuple[str, ...]:
-    """Return doubts about a stated unit.
-
-    Raises:
-        InputError: what was scanned is no room in it, but one in another.
-    """
+    """Return doubts about a stated unit; InputError: what was scanned is no room in it, but one in another."""
     assert stated.unit is not None
     metres = height * stated.unit
     if BELIEVED[0] <= metres <= BELIEVED[1]:

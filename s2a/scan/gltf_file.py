@@ -32,11 +32,7 @@ class GltfFile:
     """
 
     def __init__(self, path: Path) -> None:
-        """Read JSON and binary chunk.
-
-        Raises:
-            InputError: truncated, no glTF, or another version of it.
-        """
+        """Read JSON and binary chunk; InputError: truncated, no glTF, or another version of it."""
         self.path = path
         data = path.read_bytes()
         text, self._chunk = _chunks(path, data) if data[:4] == b"glTF" or path.suffix.lower() == ".glb" else (data, b"")
@@ -162,8 +158,7 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:
 
 TRANSFORM, GLOSS = "KHR_texture_transform", "KHR_materials_pbrSpecularGlossiness"
 STRENGTH, GLASS = "KHR_materials_emissive_strength", "KHR_materials_transmission"
-IMAGES = ("EXT_texture_webp", "EXT_texture_avif")
-"""Extensions of textures whose images Pillow decodes."""
+IMAGES = ("EXT_texture_webp", "EXT_texture_avif")  # Extensions of textures whose images Pillow decodes
 READ = (TRANSFORM, GLOSS, *IMAGES)
 WRAPS: dict[int | None, str] = {33071: CLAMP, 33648: MIRROR, 10497: REPEAT}
 

@@ -19,34 +19,23 @@ from s2a.scan.ply_file import write_ply
 from s2a.scan.source import SourceMesh
 from s2a.scene.scene import Mesh
 
-RECORD = "import.json"
-"""By this file a folder is known to be an earlier import; it says what was found."""
+RECORD = "import.json"  # By this file a folder is known to be an earlier import; it says what was found
+# Face of the file of each face of the scan, shape [face], int32; written where faces were split
 SOURCE_FACES = "source_faces.npy"
-"""Face of the file of each face of the scan, shape [face], int32; written where faces were split."""
 _FAR = 100.0  # [m]; from here on float32 rounds coordinates by 8 um or more
 
 
 @dataclass(frozen=True)
 class Imported:
-    """What became of a mesh file.
+    """What became of a mesh file."""
 
-    Attributes:
-        frame: up axis and unit.
-        baked: the connected mesh, in the file's coordinates.
-        mesh: the scan.
-        offset: scan's coordinates less the file's turned and scaled ones [m], shape [3].
-        source_faces: number of faces in the file.
-        degenerate: number of faces without area, which keep their places.
-        boxes: labelled boxes of the capture, in the scan's coordinates [m].
-    """
-
-    frame: FileFrame
-    baked: Baked
-    mesh: Mesh
-    offset: np.ndarray
-    source_faces: int
-    degenerate: int
-    boxes: tuple[LabelledBox, ...] = ()
+    frame: FileFrame  # up axis and unit
+    baked: Baked  # the connected mesh, in the file's coordinates
+    mesh: Mesh  # the scan
+    offset: np.ndarray  # scan's coordinates less the file's turned and scaled ones [m], shape [3]
+    source_faces: int  # number of faces in the file
+    degenerate: int  # number of faces without area, which keep their places
+    boxes: tuple[LabelledBox, ...] = ()  # labelled boxes of the capture, in the scan's coordinates [m]
 
 
 def convert(

@@ -18,29 +18,20 @@ from s2a.core.errors import InputError
 from s2a.scan.folder import GROUPS, SEGMENTS
 from s2a.scan.source import SourceMesh, Stated, colored
 
-MARGIN = 0.05
-"""How far outside of its box a surface may lie [m]: capture programs fit boxes to rough surfaces."""
-FLAT_MARGIN = 0.12
-"""How far from its rectangle a wall, a floor or a door may lie [m]."""
+MARGIN = 0.05  # How far outside of its box a surface may lie [m]: capture programs fit boxes to rough surfaces
+FLAT_MARGIN = 0.12  # How far from its rectangle a wall, a floor or a door may lie [m]
 
 _FLAT = 0.02  # [m]; thinner boxes are rectangles
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledBox:
-    """A box around an object, or a rectangle on a wall, which is a box without thickness.
+    """A box around an object, or a rectangle on a wall, which is a box without thickness."""
 
-    Attributes:
-        label: kind of object ("couch").
-        center: middle of the box, shape [3].
-        axes: unit vectors along its edges, one a row, shape [3 3].
-        size: lengths of its edges, in the order of `axes`, shape [3].
-    """
-
-    label: str
-    center: np.ndarray
-    axes: np.ndarray
-    size: np.ndarray
+    label: str  # kind of object ("couch")
+    center: np.ndarray  # middle of the box, shape [3]
+    axes: np.ndarray  # unit vectors along its edges, one a row, shape [3 3]
+    size: np.ndarray  # lengths of its edges, in the order of `axes`, shape [3]
 
     @property
     def is_flat(self) -> bool:

@@ -16,10 +16,8 @@ from s2a.scene.geometry.mesh_query import RayMesh, first_hits, ray_mesh
 from s2a.scene.geometry.planes import fit_plane, plane_axes
 from s2a.scene.scene import Mesh
 
-UNSEEN = (255, 255, 255)
-"""RGB where no keyframe sees the plane."""
-SIDE = 8000
-"""Most pixels along one side of an orthophoto."""
+UNSEEN = (255, 255, 255)  # RGB where no keyframe sees the plane
+SIDE = 8000  # Most pixels along one side of an orthophoto
 
 _CELL = 0.03  # [m] on which views are compared
 _STEEP = 0.2  # cosine of the angle to the normal below which a view says nothing
@@ -34,34 +32,21 @@ _SEAM = 5.0  # [pixel] over which neighbouring views blend
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """A photo that a scan keeps.
+    """A photo that a scan keeps."""
 
-    Attributes:
-        image: its file.
-        camera: intrinsics.
-        pose: camera to scan, x right, y down, z forward, [m], shape [4 4].
-        sharpness: mean square of what neighbouring pixels do not foretell.
-    """
-
-    image: Path
-    camera: Intrinsics
-    pose: np.ndarray
-    sharpness: float
+    image: Path  # its file
+    camera: Intrinsics  # intrinsics
+    pose: np.ndarray  # camera to scan, x right, y down, z forward, [m], shape [4 4]
+    sharpness: float  # mean square of what neighbouring pixels do not foretell
 
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
-    """A rectangle in space that is seen from its front.
+    """A rectangle in space that is seen from its front."""
 
-    Attributes:
-        center: [m], shape [3].
-        axes: columns are right and up as the viewer sees them, and the normal towards the viewer, shape [3 3].
-        size: width and height [m].
-    """
-
-    center: np.ndarray
-    axes: np.ndarray
-    size: tuple[float, float]
+    center: np.ndarray  # [m], shape [3]
+    axes: np.ndarray  # columns are right and up as the viewer sees them, and the normal towards the viewer, shape [3 3]
+    size: tuple[float, float]  # width and height [m]
 
     def points(self, rows: np.ndarray, columns: np.ndarray, pixel: float) -> np.ndarray:
         """Return the places of pixels, counted from the left upper corner, shape [... 3]."""
@@ -73,17 +58,11 @@ class Rectangle:
 
 @dataclass(frozen=True, eq=False)
 class Orthophoto:
-    """A plane seen square on.
+    """A plane seen square on."""
 
-    Attributes:
-        image: RGB, first row on top, shape [row column 3], uint8; UNSEEN where no keyframe sees it.
-        seen: True where one does, shape [row column].
-        used: names of the photos that it shows.
-    """
-
-    image: np.ndarray
-    seen: np.ndarray
-    used: tuple[str, ...]
+    image: np.ndarray  # RGB, first row on top, shape [row column 3], uint8; UNSEEN where no keyframe sees it
+    seen: np.ndarray  # True where one does, shape [row column]
+    used: tuple[str, ...]  # names of the photos that it shows
 
 
 def has_keyframes(folder: Path) -> bool:
@@ -92,11 +71,7 @@ def has_keyframes(folder: Path) -> bool:
 
 
 def read_keyframes(folder: Path) -> list[Keyframe]:
-    """Return the photos that the folder of a scan keeps.
-
-    Raises:
-        InputError: none there, or a damaged list.
-    """
+    """Return the photos that the folder of a scan keeps; InputError: none there, or a damaged list."""
     path = folder / KEYFRAMES / KEYFRAME_LIST
     if not path.is_file():
         raise InputError(f"{folder}: keeps no photos; only a scan of s2a import frames=RECORDING has them")
@@ -129,9 +104,7 @@ def upright(center: Sequence[float], yaw: float, size: tuple[float, float]) -> R
 def around(mesh: Mesh, margin: float = 0.05) -> Rectangle:
     """Return the rectangle around a surface, in the plane that fits it best and on the side that its faces look to.
 
-    Args:
-        mesh: such as the front of a drawer [m].
-        margin: that the rectangle is wider on each side [m].
+    `mesh`: such as the front of a drawer [m]; `margin`: that the rectangle is wider on each side [m].
 
     Raises:
         InputError: the surface has no area.

@@ -28,22 +28,15 @@ _FLOAT32_RANGE = 100.0  # [m]; from here on float32 rounds coordinates by 8 um o
 
 @dataclass(frozen=True)
 class ScanMesh:
-    """The mesh of a whole scan, vertices and faces in the order of the file, which the annotations count in.
+    """The mesh of a whole scan, vertices and faces in the order of the file, which the annotations count in."""
 
-    Attributes:
-        path: the file it came from.
-        vertices: [m], shape [vertex 3], float64.
-        faces: vertex indices, shape [face 3], int32.
-        colors: RGB, shape [vertex 3], uint8, or None.
-        origin: translation [m], shape [3], float64, already taken off the vertices; 0 for a scan near its zero.
-        face_numbers: the whole numbers that the file gives each face, by property, shape [face], int64; those asked for.
-    """
-
-    path: Path
-    vertices: np.ndarray
-    faces: np.ndarray
-    colors: np.ndarray | None
+    path: Path  # the file it came from
+    vertices: np.ndarray  # [m], shape [vertex 3], float64
+    faces: np.ndarray  # vertex indices, shape [face 3], int32
+    colors: np.ndarray | None  # RGB, shape [vertex 3], uint8, or None
+    # translation [m], shape [3], float64, already taken off the vertices; 0 for a scan near its zero
     origin: np.ndarray
+    # the whole numbers that the file gives each face, by property, shape [face], int64; those asked for
     face_numbers: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 

@@ -21,43 +21,27 @@ _MAX_HEADER = 1_000_000  # bytes
 
 @dataclass(frozen=True)
 class Lists:
-    """A property that is a list in each row.
+    """A property that is a list in each row."""
 
-    Attributes:
-        counts: entries of each row, shape [row], int64.
-        values: entries of all rows, one after the other, shape [sum of counts].
-    """
-
-    counts: np.ndarray
-    values: np.ndarray
+    counts: np.ndarray  # entries of each row, shape [row], int64
+    values: np.ndarray  # entries of all rows, one after the other, shape [sum of counts]
 
 
 @dataclass(frozen=True)
 class Element:
-    """Vertices, faces or others.
+    """Vertices, faces or others."""
 
-    Attributes:
-        count: number of rows.
-        columns: numbers of each property, shape [row].
-        lists: properties that are lists.
-    """
-
-    count: int
-    columns: dict[str, np.ndarray]
-    lists: dict[str, Lists]
+    count: int  # number of rows
+    columns: dict[str, np.ndarray]  # numbers of each property, shape [row]
+    lists: dict[str, Lists]  # properties that are lists
 
 
 @dataclass(frozen=True)
 class PlyFile:
-    """What a file holds.
+    """What a file holds."""
 
-    Attributes:
-        comments: of its header, without the keyword.
-        elements: by name, names in lower case.
-    """
-
-    comments: tuple[str, ...]
-    elements: dict[str, Element]
+    comments: tuple[str, ...]  # of its header, without the keyword
+    elements: dict[str, Element]  # by name, names in lower case
 
 
 @dataclass(frozen=True)
@@ -67,16 +51,11 @@ class _Property:
     count_kind: str | None  # of a list
 
 
-Layout = tuple[int, list[_Property]]
-"""Number of rows and their properties."""
+Layout = tuple[int, list[_Property]]  # Number of rows and their properties
 
 
 def read(path: Path) -> PlyFile:
-    """Read a PLY file.
-
-    Raises:
-        InputError: the file cannot be read, is truncated, longer than its header says, or no PLY.
-    """
+    """Read a PLY file; InputError: the file cannot be read, is truncated, longer than its header says, or no PLY."""
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -112,8 +112,8 @@ _STAND_INS = {
 }
 
 KINDS = ("rotation", "translation")
+# Upper limit [rad, m] where a prediction has none: a door's quarter turn, a usual drawer's travel
 USUAL_RANGE = {"rotation": math.pi / 2, "translation": 0.4}
-"""Upper limit [rad, m] where a prediction has none: a door's quarter turn, a usual drawer's travel."""
 USUAL_LABEL = {"rotation": "door", "translation": "drawer"}
 _USDNET = {1: "rotation", 2: "translation"}
 _INSIDE = 1e-3  # above it a vertex is in a mask, in USDNet's own evaluation
@@ -121,29 +121,17 @@ _INSIDE = 1e-3  # above it a vertex is in a mask, in USDNet's own evaluation
 
 @dataclass(frozen=True)
 class Prediction:
-    """One predicted part that moves.
+    """One predicted part that moves."""
 
-    Attributes:
-        label: name ("drawer").
-        kind: "rotation" or "translation".
-        axis: shape [3], in the scan file's coordinates, as are the others.
-        origin: a point on the axis [m], shape [3].
-        limits: joint coordinates [m or rad].
-        score: confidence, 0 to 1.
-        faces: of the scan, shape [n], int64.
-        handle: faces of the part to grasp, shape [n], int64; may be empty.
-        assumed_range: the upper limit was not predicted, and is the usual one.
-    """
-
-    label: str
-    kind: str
-    axis: np.ndarray
-    origin: np.ndarray
-    limits: tuple[float, float]
-    score: float
-    faces: np.ndarray
-    handle: np.ndarray
-    assumed_range: bool = False
+    label: str  # name ("drawer")
+    kind: str  # "rotation" or "translation"
+    axis: np.ndarray  # shape [3], in the scan file's coordinates, as are the others
+    origin: np.ndarray  # a point on the axis [m], shape [3]
+    limits: tuple[float, float]  # joint coordinates [m or rad]
+    score: float  # confidence, 0 to 1
+    faces: np.ndarray  # of the scan, shape [n], int64
+    handle: np.ndarray  # faces of the part to grasp, shape [n], int64; may be empty
+    assumed_range: bool = False  # the upper limit was not predicted, and is the usual one
 
 
 def read(path: Path, surface: ScanMesh, scene: str) -> list[Prediction]:

@@ -13,15 +13,12 @@ import numpy as np
 
 from s2a.core.errors import InputError
 
-KEYFRAMES = "keyframes"
-"""Folder in a scan's with the sharp, well spread images of its recording, and their cameras."""
-KEYFRAME_LIST = "keyframes.json"
-"""File in it with the camera and the pose of each image."""
-FEW, MANY = 40, 120
-"""Keyframes that a walk through a room should have; short ones have fewer."""
+KEYFRAMES = "keyframes"  # Folder in a scan's with the sharp, well spread images of its recording, and their cameras
+KEYFRAME_LIST = "keyframes.json"  # File in it with the camera and the pose of each image
+FEW, MANY = 40, 120  # Keyframes that a walk through a room should have; short ones have fewer
 
+# From a camera that looks along -z, y up, to one that looks along z, y down, shape [4 4]
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
-"""From a camera that looks along -z, y up, to one that looks along z, y down, shape [4 4]."""
 
 _PAIRS = 24  # of frames that are compared
 _APART = np.cos(
@@ -37,19 +34,12 @@ _CLOSE = 0.3  # of the tolerance of depth, for changes of unit
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """A pinhole camera without distortion, in pixels; the centre of the first pixel is (0, 0).
+    """A pinhole camera without distortion, in pixels; the centre of the first pixel is (0, 0)."""
 
-    Attributes:
-        fx: focal length along rows.
-        fy: focal length along columns.
-        cx: column of the optical axis.
-        cy: row of the optical axis.
-    """
-
-    fx: float
-    fy: float
-    cx: float
-    cy: float
+    fx: float  # focal length along rows
+    fy: float  # focal length along columns
+    cx: float  # column of the optical axis
+    cy: float  # row of the optical axis
 
     def scaled(self, size: tuple[float, float], target: tuple[float, float]) -> Intrinsics:
         """Return the camera of an image (width, height) of another size with the same borders."""
@@ -59,60 +49,38 @@ class Intrinsics:
 
 @dataclass(frozen=True)
 class FrameImage:
-    """An image that is opened when it is needed.
+    """An image that is opened when it is needed."""
 
-    Attributes:
-        name: of its file, for messages.
-        load: returns it, shape [row column] or [row column channel].
-        file: that holds nothing but it, or None.
-    """
-
-    name: str
-    load: Callable[[], np.ndarray]
-    file: Path | None = None
+    name: str  # of its file, for messages
+    load: Callable[[], np.ndarray]  # returns it, shape [row column] or [row column channel]
+    file: Path | None = None  # that holds nothing but it, or None
 
 
 @dataclass(frozen=True, eq=False)
 class PosedFrame:
-    """One posed frame.
+    """One posed frame."""
 
-    Attributes:
-        depth: 16 bit image in units of the recording, or floats in metres.
-        color: RGB image, or None.
-        pose: depth camera to world, x right, y down, z forward, [m], shape [4 4].
-        depth_camera: of the depth image.
-        color_camera: of the colour image.
-        confidence: image of the depth image's shape, 0 where depth is not to be believed, or None.
-    """
-
-    depth: FrameImage
-    color: FrameImage | None
-    pose: np.ndarray
-    depth_camera: Intrinsics
-    color_camera: Intrinsics
+    depth: FrameImage  # 16 bit image in units of the recording, or floats in metres
+    color: FrameImage | None  # RGB image, or None
+    pose: np.ndarray  # depth camera to world, x right, y down, z forward, [m], shape [4 4]
+    depth_camera: Intrinsics  # of the depth image
+    color_camera: Intrinsics  # of the colour image
+    # image of the depth image's shape, 0 where depth is not to be believed, or None
     confidence: FrameImage | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class RgbdRecording:
-    """Frames of one walk through a room.
+    """Frames of one walk through a room."""
 
-    Attributes:
-        kind: the format.
-        frames: in the order of the walk.
-        metres: metres a unit of depth.
-        lost: number of frames without a valid pose, left out.
-        color_from_depth: transform from the depth camera's coordinates to the colour camera's, shape [4 4]; one where
-            depth is registered to colour.
-        gravity: axis of the world that points up, "y" or "z", where the format states it.
-    """
-
-    kind: str
-    frames: tuple[PosedFrame, ...]
-    metres: float
-    lost: int
+    kind: str  # the format
+    frames: tuple[PosedFrame, ...]  # in the order of the walk
+    metres: float  # metres a unit of depth
+    lost: int  # number of frames without a valid pose, left out
+    # transform from the depth camera's coordinates to the colour camera's, shape [4 4]; one where depth is
+    # registered to colour
     color_from_depth: np.ndarray = field(default_factory=lambda: np.eye(4))
-    gravity: str | None = None
+    gravity: str | None = None  # axis of the world that points up, "y" or "z", where the format states it
 
     @property
     def registered(self) -> bool:

@@ -70,11 +70,7 @@ def read_pose(path: Path) -> np.ndarray | None:
 
 
 def checked_pose(pose: np.ndarray, path: Path) -> np.ndarray | None:
-    """Return a pose, or None if it is not finite.
-
-    Raises:
-        InputError: it is no rigid motion.
-    """
+    """Return a pose, or None if it is not finite; InputError: it is no rigid motion."""
     if pose.shape != (4, 4):
         raise InputError(f"{path}: a pose has the shape {list(pose.shape)}; expected 4 rows of 4 numbers")
     if not np.isfinite(pose).all():
@@ -135,11 +131,7 @@ def read_pincam(path: Path) -> tuple[tuple[float, float], Intrinsics]:
 
 
 def read_matrix(path: Path, *shapes: tuple[int, int], delimiter: str | None = None) -> np.ndarray:
-    """Return the numbers of a text file.
-
-    Raises:
-        InputError: no such file, no numbers, or another shape.
-    """
+    """Return the numbers of a text file; InputError: no such file, no numbers, or another shape."""
     try:
         matrix = np.loadtxt(path, dtype=np.float64, ndmin=2, delimiter=delimiter)
     except FileNotFoundError as error:

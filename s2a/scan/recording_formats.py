@@ -36,14 +36,14 @@ from s2a.scan.recording_files import (
     turned_poses,
 )
 
-MIN_FRAMES = 2
-"""Frames below which nothing is fused."""
+MIN_FRAMES = 2  # Frames below which nothing is fused
+# Depth camera of 7-Scenes, which states it on its page and says there that depth is not registered to colour
 KINECT = Intrinsics(585.0, 585.0, 320.0, 240.0)
-"""Depth camera of 7-Scenes, which states it on its page and says there that depth is not registered to colour."""
+# Its colour camera: the Kinect's usual one; of RedKitchen, frames agree best in colour at a focal length of 525
 KINECT_COLOR = Intrinsics(525.0, 525.0, 320.0, 240.0)
-"""Its colour camera: the Kinect's usual one; of RedKitchen, frames agree best in colour at a focal length of 525."""
+# Of depth points to the colour camera [m]: the two lenses' distance, with the sign with which RedKitchen's frames
+# agree
 KINECT_OFFSET = (-0.025, 0.0, 0.0)
-"""Of depth points to the colour camera [m]: the two lenses' distance, with the sign with which RedKitchen's frames agree."""
 
 _LAYOUTS = (
     "frame-000000.depth.png, .color.png or .jpg, .pose.txt (7-Scenes); folders depth, color, pose and intrinsic (ScanNet); "

@@ -11,16 +11,11 @@ from typing import Any, Protocol, cast
 
 
 class Format(Protocol):
-    """A module that reads one format.
+    """A module that reads one format."""
 
-    Attributes:
-        NAME: what the format is called in messages.
-        recognise: returns whether a path holds this format, from names of files, without an error.
-        read: returns what the path holds; raises an InputError, one line, where it is damaged or incomplete.
-    """
-
-    NAME: str
-    recognise: Callable[[Path], bool]
+    NAME: str  # what the format is called in messages
+    recognise: Callable[[Path], bool]  # returns whether a path holds this format, from names of files, without an error
+    # returns what the path holds; raises an InputError, one line, where it is damaged or incomplete
     read: Callable[[Path], Any]
 
 

@@ -5,10 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-SAMPLES = 60_000
-"""Points drawn from a surface, in proportion to the areas of its faces."""
-DIVISIONS = 128
-"""Edges of the grid's cells along the diagonal of what was scanned."""
+SAMPLES = 60_000  # Points drawn from a surface, in proportion to the areas of its faces
+DIVISIONS = 128  # Edges of the grid's cells along the diagonal of what was scanned
 
 _TAIL = 0.005  # fraction of the points beyond either end of an extent: strays of a reconstruction
 _SEEDS = 500  # normals from which directions are searched
@@ -19,19 +17,12 @@ _SMOOTH = 0.97  # length of the mean normal in three cells of a plane, shelf or 
 
 @dataclass(frozen=True, eq=False)
 class Surfels:
-    """Points of a surface, one for each cell of a grid and side of a cube that its faces look to.
+    """Points of a surface, one for each cell of a grid and side of a cube that its faces look to."""
 
-    Attributes:
-        points: in the unit of the mesh, shape [surfel 3].
-        normals: unit vectors, shape [surfel 3].
-        weights: fraction of the surface, shape [surfel]; lower where normals within the cell differ.
-        cell: edge of the grid's cells, in the unit of the mesh.
-    """
-
-    points: np.ndarray
-    normals: np.ndarray
-    weights: np.ndarray
-    cell: float
+    points: np.ndarray  # in the unit of the mesh, shape [surfel 3]
+    normals: np.ndarray  # unit vectors, shape [surfel 3]
+    weights: np.ndarray  # fraction of the surface, shape [surfel]; lower where normals within the cell differ
+    cell: float  # edge of the grid's cells, in the unit of the mesh
 
     @cached_property
     def smooth(self) -> np.ndarray:
@@ -49,15 +40,10 @@ class Surfels:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """A mesh as points that are evenly spread over it.
+    """A mesh as points that are evenly spread over it."""
 
-    Attributes:
-        points: in the unit of the mesh, shape [point 3].
-        normals: unit vectors, shape [point 3].
-    """
-
-    points: np.ndarray
-    normals: np.ndarray
+    points: np.ndarray  # in the unit of the mesh, shape [point 3]
+    normals: np.ndarray  # unit vectors, shape [point 3]
 
     @cached_property
     def surfels(self) -> Surfels:

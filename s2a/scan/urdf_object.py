@@ -22,46 +22,29 @@ from s2a.scan.predictions import USUAL_LABEL, USUAL_RANGE, Prediction
 KINDS = {"revolute": "rotation", "continuous": "rotation", "prismatic": "translation"}
 FIXED = "fixed"
 MAX_BYTES, MAX_MESH_BYTES, MAX_LINKS = 5_000_000, 100_000_000, 1000
-MAX_NUMBER = 1e6
-"""In a file; of larger ones nothing of an object is left in single precision."""
+MAX_NUMBER = 1e6  # In a file; of larger ones nothing of an object is left in single precision
 
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint of a URDF.
+    """A joint of a URDF."""
 
-    Attributes:
-        name: of the joint.
-        kind: one of KINDS, or FIXED.
-        parent: name of a link.
-        child: name of a link.
-        pose: of the child in its parent's frame at zero, shape [4 4].
-        axis: unit vector in the child's frame, shape [3].
-        limits: lowest and highest coordinate [m or rad]; None: the file states none.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    pose: np.ndarray
-    axis: np.ndarray
-    limits: tuple[float, float] | None
+    name: str  # of the joint
+    kind: str  # one of KINDS, or FIXED
+    parent: str  # name of a link
+    child: str  # name of a link
+    pose: np.ndarray  # of the child in its parent's frame at zero, shape [4 4]
+    axis: np.ndarray  # unit vector in the child's frame, shape [3]
+    limits: tuple[float, float] | None  # lowest and highest coordinate [m or rad]; None: the file states none
 
 
 @dataclass(frozen=True)
 class UrdfObject:
-    """One object at its zero pose.
+    """One object at its zero pose."""
 
-    Attributes:
-        joints: of all kinds.
-        poses: of the links in the root's frame, shape [4 4] each.
-        triangles: of the links that have a surface, in the root's frame, shape [face 3 3] each.
-    """
-
-    joints: list[UrdfJoint]
-    poses: dict[str, np.ndarray]
-    triangles: dict[str, np.ndarray]
+    joints: list[UrdfJoint]  # of all kinds
+    poses: dict[str, np.ndarray]  # of the links in the root's frame, shape [4 4] each
+    triangles: dict[str, np.ndarray]  # of the links that have a surface, in the root's frame, shape [face 3 3] each
 
 
 def read_links(path: Path) -> UrdfObject:
@@ -213,27 +196,19 @@ def _name(path: Path, element: ElementTree.Element) -> str:
 
 
 SUFFIX = ".urdf"
-HANDLE = ("handle", "knob")
-"""A link that is fixed to a moving one and has such a word in its name is its handle."""
+HANDLE = ("handle", "knob")  # A link that is fixed to a moving one and has such a word in its name is its handle
+# [m] Beyond its box a face of the scan still belongs to the object, and so far from a link's surface at most
 MARGIN = 0.03
-"""[m] Beyond its box a face of the scan still belongs to the object, and so far from a link's surface at most."""
-SAMPLES = 2000
-"""Points on the surface of each link."""
+SAMPLES = 2000  # Points on the surface of each link
 
 
 @dataclass(frozen=True)
 class ObjectBox:
-    """Where an object stands in a scan.
+    """Where an object stands in a scan."""
 
-    Attributes:
-        center: [m], scan file's coordinates, shape [3].
-        size: full extents along its own axes [m], shape [3].
-        yaw: of its x axis about z [rad].
-    """
-
-    center: np.ndarray
-    size: np.ndarray
-    yaw: float
+    center: np.ndarray  # [m], scan file's coordinates, shape [3]
+    size: np.ndarray  # full extents along its own axes [m], shape [3]
+    yaw: float  # of its x axis about z [rad]
 
     @property
     def axes(self) -> np.ndarray:

@@ -26,8 +26,8 @@ from s2a.scene.usd.joints import KINDS, is_body, joint_ends, read_joint, site_po
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
 from s2a.scene.usd.stage import ENCODINGS, open_stage, read_attribute, reading, xyzw
 
+# Ending of a room with all its files in one; a scanning app's package is no room, which opening it says
 PACKAGE = ".usdz"
-"""Ending of a room with all its files in one; a scanning app's package is no room, which opening it says."""
 
 
 def read(path: Path) -> Scene | SimRoom | dict[str, DescribedPart]:
@@ -46,19 +46,13 @@ def read(path: Path) -> Scene | SimRoom | dict[str, DescribedPart]:
 
 @dataclass(frozen=True)
 class Visible:
-    """Surfaces in scene coordinates.
+    """Surfaces in scene coordinates."""
 
-    Attributes:
-        name: of the scan.
-        surfaces: what is seen, by the id of its part or the name of its prim.
-        colliders: convex hulls with the part each stands for; none but in a simulation-ready stage.
-        jointed: ids of the parts that move.
-    """
-
-    name: str
-    surfaces: dict[str, Mesh]
+    name: str  # of the scan
+    surfaces: dict[str, Mesh]  # what is seen, by the id of its part or the name of its prim
+    # convex hulls with the part each stands for; none but in a simulation-ready stage
     colliders: tuple[tuple[str, Mesh], ...]
-    jointed: tuple[str, ...]
+    jointed: tuple[str, ...]  # ids of the parts that move
 
     def part(self, part_id: str) -> list[Mesh]:
         """Return the surfaces that bear a part's name, or else its colliders; InputError where it has neither."""

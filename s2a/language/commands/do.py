@@ -23,8 +23,7 @@ from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.camera import CameraConfig
 from s2a.sim.simulation import SimConfig, device_of
 
-SENTENCE = "sentence"
-"""The key that the first argument gives, if that is no key=value."""
+SENTENCE = "sentence"  # The key that the first argument gives, if that is no key=value
 
 
 @dataclass(frozen=True)

@@ -52,8 +52,8 @@ def _chosen(values: Mapping[str, Any]) -> type:
     return make_dataclass("Skills", fields, frozen=True)
 
 
+# A command's key `skills`: `task` and `metrics` of each skill by its name
 Skills = Annotated[Any, config.Chosen(_chosen)]
-"""A command's key `skills`: `task` and `metrics` of each skill by its name."""
 
 
 def tasks_of(skills: Any) -> dict[str, type[Task]]:
@@ -106,14 +106,11 @@ class ExecutionConfig:
 
 @dataclass(frozen=True)
 class RoomChange:
-    """How a room differs from its file.
+    """How a room differs from its file."""
 
-    Attributes:
-        joints: coordinates of articulated parts [m or rad] by id; those left out are at zero.
-        objects: poses of free objects (position, quaternion xyzw; shape [7]) by id; those left out stand as in the file.
-    """
-
+    # coordinates of articulated parts [m or rad] by id; those left out are at zero
     joints: dict[str, float] = field(default_factory=dict)
+    # poses of free objects (position, quaternion xyzw; shape [7]) by id; those left out stand as in the file
     objects: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
     def with_(self, other: RoomChange) -> RoomChange:
@@ -208,27 +205,18 @@ def _quaternion(values: Iterable[float]) -> Quat:
     return x, y, z, w
 
 
-START_ERROR = 0.01
-"""[m] By which a part may stand elsewhere at the start of an episode than the one before left it."""
-BESIDE = 0.02
-"""[m] Within which of a part's box a free object counts as in or on it, and moves with it."""
+START_ERROR = 0.01  # [m] By which a part may stand elsewhere at the start of an episode than the one before left it
+BESIDE = 0.02  # [m] Within which of a part's box a free object counts as in or on it, and moves with it
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a skill went.
+    """How a skill went."""
 
-    Attributes:
-        success: by the task's own metric.
-        reason: why not; empty after a success.
-        state: the room afterwards; as before where nothing was simulated.
-        record: plain values for JSON.
-    """
-
-    success: bool
-    reason: str
-    state: RoomChange
-    record: dict[str, Any] = field(default_factory=dict)
+    success: bool  # by the task's own metric
+    reason: str  # why not; empty after a success
+    state: RoomChange  # the room afterwards; as before where nothing was simulated
+    record: dict[str, Any] = field(default_factory=dict)  # plain values for JSON
 
 
 def execute(

@@ -14,43 +14,28 @@ from s2a.scene.scene import Vec3
 from s2a.scene.usd.descriptive import DescribedPart, upright_box
 from s2a.scene.usd.sim_scene import SimBody, SimRoom, in_scene
 
-LABEL = 60
-"""Characters of a label that are shown: it is a name, not a text."""
-ABOVE_SUPPORT = 0.02
-"""[m] Above an object's lowest point, from where its support is looked for."""
-KNOWN_FRACTION = 0.5
-"""Of a room's articulated parts, that a description of this room has."""
+LABEL = 60  # Characters of a label that are shown: it is a name, not a text
+ABOVE_SUPPORT = 0.02  # [m] Above an object's lowest point, from where its support is looked for
+KNOWN_FRACTION = 0.5  # Of a room's articulated parts, that a description of this room has
 
 Kind = Literal["slides", "turns", "free", "fixed"]
 
 
 @dataclass(frozen=True)
 class RoomPart:
-    """A part of the room.
+    """A part of the room."""
 
-    Attributes:
-        id: its id.
-        label: its name.
-        parent: id of the part that it belongs to, or None.
-        kind: "slides" or "turns" on a joint; "free": it can be picked up; "fixed".
-        center: of its upright box [m], scene coordinates; None where it has no surface.
-        size: of that box [m].
-        facing: horizontal direction that its front faces, of what moves on a joint; else None.
-        on: id of the part that an object stands on or in, of what lies free; else None.
-        open: path by which its grasp point stands open [m]; 0 where it is shut or does not move.
-        base: The robot has a collision-free base pose for it, of what moves on a joint.
-    """
-
-    id: str
-    label: str
-    parent: str | None = None
-    kind: Kind = "fixed"
-    center: Vec3 | None = None
-    size: Vec3 | None = None
+    id: str  # its id
+    label: str  # its name
+    parent: str | None = None  # id of the part that it belongs to, or None
+    kind: Kind = "fixed"  # "slides" or "turns" on a joint; "free": it can be picked up; "fixed"
+    center: Vec3 | None = None  # of its upright box [m], scene coordinates; None where it has no surface
+    size: Vec3 | None = None  # of that box [m]
+    # horizontal direction that its front faces, of what moves on a joint; else None
     facing: tuple[float, float] | None = None
-    on: str | None = None
-    open: float = 0.0
-    base: bool = False
+    on: str | None = None  # id of the part that an object stands on or in, of what lies free; else None
+    open: float = 0.0  # path by which its grasp point stands open [m]; 0 where it is shut or does not move
+    base: bool = False  # The robot has a collision-free base pose for it, of what moves on a joint
 
     @property
     def moves(self) -> bool:
@@ -58,8 +43,7 @@ class RoomPart:
         return self.kind in ("slides", "turns")
 
 
-Facts = Mapping[str, RoomPart]
-"""The parts of a room by id, parents before children."""
+Facts = Mapping[str, RoomPart]  # The parts of a room by id, parents before children
 
 
 def gather(

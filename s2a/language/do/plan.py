@@ -11,29 +11,19 @@ from s2a.language.ask import Model, Request, UsageLog, ValidationFeedback, ask, 
 from s2a.language.do.facts import Facts, lines, text
 from s2a.tasks.base import Task
 
-MAX_SENTENCE = 500
-"""Characters of a sentence; the longest that we think of is 150 long."""
-MAX_SKILLS = 6
-"""Skills of a plan."""
-REASON, OPTIONS = 300, 12
-"""Characters of a refusal's reason, and ids that it lists."""
+MAX_SENTENCE = 500  # Characters of a sentence; the longest that we think of is 150 long
+MAX_SKILLS = 6  # Skills of a plan
+REASON, OPTIONS = 300, 12  # Characters of a refusal's reason, and ids that it lists
 
 
 @dataclass(frozen=True)
 class Skill:
-    """One thing that the planner can do; what a skill does not take is None.
+    """One thing that the planner can do; what a skill does not take is None."""
 
-    Attributes:
-        skill: name of the skill; its task says what it takes.
-        part: id of what moves on a joint.
-        object: id of what lies free.
-        support: id of what the object is placed on.
-    """
-
-    skill: str
-    part: str | None
-    object: str | None
-    support: str | None
+    skill: str  # name of the skill; its task says what it takes
+    part: str | None  # id of what moves on a joint
+    object: str | None  # id of what lies free
+    support: str | None  # id of what the object is placed on
 
     @property
     def words(self) -> str:
@@ -43,35 +33,23 @@ class Skill:
 
 @dataclass(frozen=True)
 class SkillPlan:
-    """The answer to a sentence.
+    """The answer to a sentence."""
 
-    Attributes:
-        skills: in order; empty where it is refused.
-        refusal: None; "ambiguous": several parts or skills fit; "unknown": no part of the room fits; "impossible": no skill
-            does it, or the room does not allow it.
-        reason: why it is refused, in a few words; empty otherwise.
-        options: ids between which the sentence does not decide.
-    """
-
-    skills: tuple[Skill, ...]
+    skills: tuple[Skill, ...]  # in order; empty where it is refused
+    # None; "ambiguous": several parts or skills fit; "unknown": no part of the room fits; "impossible": no skill
+    # does it, or the room does not allow it
     refusal: Literal["ambiguous", "unknown", "impossible"] | None
-    reason: str
-    options: tuple[str, ...]
+    reason: str  # why it is refused, in a few words; empty otherwise
+    options: tuple[str, ...]  # ids between which the sentence does not decide
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A plan that was executed and failed.
+    """A plan that was executed and failed."""
 
-    Attributes:
-        plan: the plan.
-        done: skills of it that succeeded.
-        reason: why the next one failed; goes back to the model.
-    """
-
-    plan: SkillPlan
-    done: int
-    reason: str
+    plan: SkillPlan  # the plan
+    done: int  # skills of it that succeeded
+    reason: str  # why the next one failed; goes back to the model
 
 
 def check_sentence(sentence: str) -> str:
@@ -207,8 +185,7 @@ Answer with the JSON object alone."""
 
 
 ID = {"type": ["string", "null"]}
-WIDTH = 125
-"""Characters of a line of the prompt."""
+WIDTH = 125  # Characters of a line of the prompt
 
 
 def system(skills: Mapping[str, type[Task]]) -> str:

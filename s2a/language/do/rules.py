@@ -17,13 +17,11 @@ HIGH = frozenset("top upper uppermost topmost highest first".split())
 LOW = frozenset("bottom lower lowermost bottommost lowest last".split())
 MIDDLE = frozenset("middle center centre central".split())
 LEFT, RIGHT = frozenset("left leftmost left-hand".split()), frozenset("right rightmost right-hand".split())
-ORDINALS = {"second": 1, "2nd": 1, "third": 2, "3rd": 2, "fourth": 3, "4th": 3}
-"""From the top; 0 is the first."""
+ORDINALS = {"second": 1, "2nd": 1, "third": 2, "3rd": 2, "fourth": 3, "4th": 3}  # From the top; 0 is the first
 POSITIONS = HIGH | LOW | MIDDLE | LEFT | RIGHT | set(ORDINALS)
-LEVEL = 0.04
-"""[m] Up to which two fronts are equally high, or equally far left."""
+LEVEL = 0.04  # [m] Up to which two fronts are equally high, or equally far left
+# [m] By which furniture that stands under other furniture may rise above its top, or stick out of its outline
 BELOW = 0.05
-"""[m] By which furniture that stands under other furniture may rise above its top, or stick out of its outline."""
 
 
 class Unresolved(Exception):
@@ -110,25 +108,18 @@ def _root(part: str, facts: Facts) -> str:
 
 
 ARTICLES = frozenset("the a an my your this that its some".split())
+# Relations to what a part belongs to or stands on
 BELONGS = ("of", "in", "on", "from", "at", "under", "below", "beneath", "inside")
-"""Relations to what a part belongs to or stands on."""
-GLUE = "~"
-"""Stands for a blank within a label that holds a relation, such as "chest of drawers"."""
+GLUE = "~"  # Stands for a blank within a label that holds a relation, such as "chest of drawers"
 
 
 @dataclass(frozen=True)
 class Phrase:
-    """Words for a part.
+    """Words for a part."""
 
-    Attributes:
-        noun: without articles and positions.
-        positions: such as "top" and "left".
-        context: words for what it belongs to or stands on; empty where none are given.
-    """
-
-    noun: str
-    positions: tuple[str, ...]
-    context: str
+    noun: str  # without articles and positions
+    positions: tuple[str, ...]  # such as "top" and "left"
+    context: str  # words for what it belongs to or stands on; empty where none are given
 
 
 def phrase(words: str, labels: Iterable[str]) -> Phrase:
@@ -228,11 +219,11 @@ POLITE = re.compile(
     r"^(?:(?:please|hey|hi|robot|now|first|then|also|finally|next|after that|kindly|could you|can you|would you|will you|"
     r"i want you to|i would like you to|i'd like you to)\b[\s,]*)+"
 )
+# Negations, conditions, quantities: to overlook one would do the wrong thing
 UNREAD = re.compile(
     r"\b(not|don't|dont|never|no|nothing|without|except|but|unless|if|when|while|until|before|after|instead|only|"
     r"all|every|each|both|any|either|or|two|three|everything|halfway|half|slightly|degrees|percent|cm|centimeters)\b"
 )
-"""Negations, conditions, quantities: to overlook one would do the wrong thing."""
 TRAILING = re.compile(r"(?:\s+(?:please|again|now|for me|right away|gently|carefully|completely|fully))+$")
 AROUND = re.compile(r"^(?:pull|push|slide|swing)\s+(.+)\s+(open|out|shut|closed|in)$")
 PUT = re.compile(
@@ -268,11 +259,7 @@ class _Memory:
 
 
 def _skills(sentence: str, facts: Facts, skills: Mapping[str, type[Task]]) -> list[Skill]:
-    """Return the skills of a sentence.
-
-    Raises:
-        Unresolved: it cannot be read, or means none or several things.
-    """
+    """Return the skills of a sentence; Unresolved: it cannot be read, or means none or several things."""
     words = re.sub(r"[\"!?“”]", " ", sentence.lower().replace("\N{RIGHT SINGLE QUOTATION MARK}", "'"))
     if unread := UNREAD.search(words):
         raise Unresolved("impossible", f"the rules do not read {unread[0]!r}; say one thing at a time")

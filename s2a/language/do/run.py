@@ -21,27 +21,18 @@ from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.tasks.base import Task
 
-SHUT = 0.02
-"""[m] Up to which a part counts as shut."""
+SHUT = 0.02  # [m] Up to which a part counts as shut
 
 
 @dataclass(frozen=True)
 class RoomContext:
-    """What a sentence is planned in.
+    """What a sentence is planned in."""
 
-    Attributes:
-        room: as in its file.
-        described: the descriptive flavour, or None.
-        robot: name of the robot.
-        opening: to which a part is opened for an object to be put into it [m].
-        skills: the tasks that a plan may be made of, by their names in it.
-    """
-
-    room: SimRoom
-    described: dict[str, DescribedPart] | None
-    robot: str
-    opening: float
-    skills: Mapping[str, type[Task]]
+    room: SimRoom  # as in its file
+    described: dict[str, DescribedPart] | None  # the descriptive flavour, or None
+    robot: str  # name of the robot
+    opening: float  # to which a part is opened for an object to be put into it [m]
+    skills: Mapping[str, type[Task]]  # the tasks that a plan may be made of, by their names in it
 
 
 class Checker:
@@ -158,23 +149,16 @@ def _gap(object: RoomPart, other: RoomPart) -> float:
     return float(np.linalg.norm(np.maximum(off, 0.0)))
 
 
-Execute = Callable[[Skill, RoomChange, int], Outcome]
-"""Skill, state of the room before it, its number -> how it went."""
+Execute = Callable[[Skill, RoomChange, int], Outcome]  # Skill, state of the room before it, its number -> how it went
 
 
 @dataclass
 class Result:
-    """What came of a sentence.
+    """What came of a sentence."""
 
-    Attributes:
-        plans: every plan, with what was checked.
-        skills: every skill that was executed, in order.
-        problem: why the sentence was not done; empty where it was.
-    """
-
-    plans: list[dict[str, Any]] = field(default_factory=list)
-    skills: list[dict[str, Any]] = field(default_factory=list)
-    problem: str = ""
+    plans: list[dict[str, Any]] = field(default_factory=list)  # every plan, with what was checked
+    skills: list[dict[str, Any]] = field(default_factory=list)  # every skill that was executed, in order
+    problem: str = ""  # why the sentence was not done; empty where it was
 
 
 def make_plan(

@@ -59,8 +59,7 @@ def _copy(prim: Usd.Prim, layer: Sdf.Layer) -> None:
         copy.default = attribute.Get()
 
 
-OBJECT = "/object"
-"""Default prim of an object's file."""
+OBJECT = "/object"  # Default prim of an object's file
 
 
 def write_object(mesh: Mesh, path: Path) -> None:
@@ -81,10 +80,8 @@ def write_object(mesh: Mesh, path: Path) -> None:
 def write(added: Sdf.Layer, below: str, path: Path) -> None:
     """Write a layer that shows a stage with what was added; the same input gives the same bytes.
 
-    Args:
-        added: `/scene` with the new prims, from `s2a.language.sandbox.diff`.
-        below: path of the stage (a geometric.usd or an overlay), relative to the folder of `path`.
-        path: ends in .usda.
+    `added`: `/scene` with the new prims, from `s2a.language.sandbox.diff`; `below`: path of the stage (a geometric.usd
+    or an overlay), relative to the folder of `path`.
 
     Raises:
         InputError: the file cannot be written.
@@ -99,23 +96,17 @@ def write(added: Sdf.Layer, below: str, path: Path) -> None:
     save_layer(layer, path)
 
 
-MAX_LIST = 4_000_000
-"""Of a list of objects [bytes]."""
+MAX_LIST = 4_000_000  # Of a list of objects [bytes]
 LAYER, RECORD = "insert.usda", "insert.json"
 
 
 @dataclass(frozen=True)
 class Insertion:
-    """Result of an insertion.
+    """Result of an insertion."""
 
-    Attributes:
-        layer: the insert.usda that was written.
-        inserted: objects in their places.
-        records: results by step of every requested object, in order; `problem` is empty for those that were inserted.
-    """
-
-    layer: Path
-    inserted: tuple[Inserted, ...]
+    layer: Path  # the insert.usda that was written
+    inserted: tuple[Inserted, ...]  # objects in their places
+    # results by step of every requested object, in order; `problem` is empty for those that were inserted
     records: tuple[Record, ...]
 
 

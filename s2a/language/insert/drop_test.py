@@ -16,10 +16,11 @@ from s2a.core.bounds import NotNegative, Positive
 from s2a.scene.scene import Mesh
 
 ANGLES = np.arange(12) * np.pi / 12
+# Directions in which triangles may be too far away to matter, shape [13 3]: boxes turned by 15 deg, of which one fits
 SIDES = np.array([[0.0, 0.0, 1.0], *np.stack([np.cos(ANGLES), np.sin(ANGLES), 0.0 * ANGLES], axis=1)])
-"""Directions in which triangles may be too far away to matter, shape [13 3]: boxes turned by 15 deg, of which one fits."""
+# Until an object has moved by almost so much, triangles farther away than this in one of these directions do not
+# matter [m]
 CLOSE = 0.025
-"""Until an object has moved by almost so much, triangles farther away than this in one of these directions do not matter [m]."""
 
 
 def near(support: Mesh, bounds: np.ndarray, reach: float) -> np.ndarray:
@@ -77,12 +78,10 @@ def _geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, points: np.ndarr
     body.add_geom(meshname=name)
 
 
-INTERVAL = 10
-"""Steps between two tests of rest."""
-FIRST_TRIANGLES = 200
-"""Nearest triangles to a wall-mounted object that are tested first."""
+INTERVAL = 10  # Steps between two tests of rest
+FIRST_TRIANGLES = 200  # Nearest triangles to a wall-mounted object that are tested first
+# Change of a speed that is none [m/s]: what a slow fall would grow to in two seconds from there is under a millimetre
 NONE = 1e-9
-"""Change of a speed that is none [m/s]: what a slow fall would grow to in two seconds from there is under a millimetre."""
 
 
 @dataclass(frozen=True)
@@ -126,21 +125,14 @@ class DropTestConfig:
 
 @dataclass(frozen=True)
 class DropTestResult:
-    """Result of a drop test.
+    """Result of a drop test."""
 
-    Attributes:
-        drift: distance from the placed position at the end [m].
-        tilt: angle of its upright from the placed one [rad].
-        penetration: max depth of a contact in the last quarter [m].
-        problem: why the object does not stay; empty if it does.
-        rest: where one that does not stay came to rest all the same: `about`, a point [m]; `shift` of that point [m]; `turn`
-            about it, xyzw; None if it did not rest, or was not dropped.
-    """
-
-    drift: float
-    tilt: float
-    penetration: float
-    problem: str
+    drift: float  # distance from the placed position at the end [m]
+    tilt: float  # angle of its upright from the placed one [rad]
+    penetration: float  # max depth of a contact in the last quarter [m]
+    problem: str  # why the object does not stay; empty if it does
+    # where one that does not stay came to rest all the same: `about`, a point [m]; `shift` of that point [m];
+    # `turn` about it, xyzw; None if it did not rest, or was not dropped
     rest: dict[str, list[float]] | None = None
 
     @property

@@ -18,17 +18,11 @@ from s2a.scene.scene import Mesh, Scene, Vec3
 
 @dataclass(frozen=True)
 class SweptVolume:
-    """A convex hull of a section of a part's swept volume.
+    """A convex hull of a section of a part's swept volume."""
 
-    Attributes:
-        part: id of the moving part.
-        hull: convex hull of one section of its travel.
-        planes: the hull's planes (nx, ny, nz, d), inside where n.x + d <= 0 [m], shape [plane 4].
-    """
-
-    part: str
-    hull: Mesh
-    planes: np.ndarray
+    part: str  # id of the moving part
+    hull: Mesh  # convex hull of one section of its travel
+    planes: np.ndarray  # the hull's planes (nx, ny, nz, d), inside where n.x + d <= 0 [m], shape [plane 4]
 
 
 def swept_volumes(scene: Scene) -> list[SweptVolume]:
@@ -102,10 +96,8 @@ def fill(layers: np.ndarray, edges: np.ndarray, region: Region, pad: int, volume
         layer[tuple(cells[inside].T)] = True
 
 
-DEEP = 0.0005
-"""Penetration depth from which an object is inside another [m]: half of what an insertion may collide."""
-COLLISION = "collide"
-"""The conflict that a small step back may resolve."""
+DEEP = 0.0005  # Penetration depth from which an object is inside another [m]: half of what an insertion may collide
+COLLISION = "collide"  # The conflict that a small step back may resolve
 
 
 class NoRoom(InputError):
@@ -123,19 +115,12 @@ class NoRoom(InputError):
 
 @dataclass(frozen=True)
 class Pose:
-    """Pose of an object in the scene.
+    """Pose of an object in the scene."""
 
-    Attributes:
-        position: of the object's origin in the scene [m].
-        quaternion: its rotation, xyzw.
-        clearance: distance from the nearest obstacle or the border of the support [m]; 0 where it was not computed.
-        tried: number of candidates that were tested exactly.
-    """
-
-    position: Vec3
-    quaternion: tuple[float, float, float, float]
-    clearance: float
-    tried: int
+    position: Vec3  # of the object's origin in the scene [m]
+    quaternion: tuple[float, float, float, float]  # its rotation, xyzw
+    clearance: float  # distance from the nearest obstacle or the border of the support [m]; 0 where it was not computed
+    tried: int  # number of candidates that were tested exactly
 
     @property
     def yaw(self) -> float:

@@ -17,10 +17,11 @@ from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh, visible_dista
 from s2a.scene.geometry.simplify import decimate
 from s2a.scene.scene import Mesh
 
+# Parts of an object's longest side down to which triangles' edges are split: the first, the last, and from one to the
+# next
 COARSEST, FINEST, STEP = 8.0, 512.0, 1.5
-"""Parts of an object's longest side down to which triangles' edges are split: the first, the last, and from one to the next."""
+# Points [vertex 3], triangles [face 3], colours [vertex 3], uint8, or None
 Shape = tuple[np.ndarray, np.ndarray, np.ndarray | None]
-"""Points [vertex 3], triangles [face 3], colours [vertex 3], uint8, or None."""
 
 
 def painted(source: SourceMesh, budget: int) -> Shape:
@@ -48,12 +49,9 @@ def painted(source: SourceMesh, budget: int) -> Shape:
 
 STAGES = (".usd", ".usda", ".usdc", ".usdz")
 MESHES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
-WELD = 1e-6
-"""Vertices nearer than this share of the object's size are one."""
-MAX_COORDINATE = 1e9
-"""Coordinate of an object, in whatever unit."""
-USD_UNIT = 0.01
-"""[m] USD's unit where a stage states none."""
+WELD = 1e-6  # Vertices nearer than this share of the object's size are one
+MAX_COORDINATE = 1e9  # Coordinate of an object, in whatever unit
+USD_UNIT = 0.01  # [m] USD's unit where a stage states none
 
 
 @dataclass(frozen=True)
@@ -71,16 +69,12 @@ class ObjectConfig:
 
 @dataclass(frozen=True)
 class ObjectFile:
-    """What a file holds, in its own unit and axes.
+    """What a file holds, in its own unit and axes."""
 
-    Attributes:
-        mesh: clean: welded, without flat faces, consistently wound outwards; its zero is moved to the middle of its faces.
-        unit: metres in a unit of the file, if it says so.
-        up: upward axis as the file says, "+y" or "+z", or None. Exporters often leave it at their format's default.
-    """
-
+    # clean: welded, without flat faces, consistently wound outwards; its zero is moved to the middle of its faces
     mesh: Mesh
-    unit: float | None
+    unit: float | None  # metres in a unit of the file, if it says so
+    # upward axis as the file says, "+y" or "+z", or None. Exporters often leave it at their format's default
     up: str | None
 
 

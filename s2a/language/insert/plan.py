@@ -15,48 +15,32 @@ from s2a.language.sandbox.diff import SCALE
 from s2a.scene.scene import Scene
 
 Range = tuple[float, float]
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
-"""Metres per unit of mesh files."""
-MIN_SIZE, MAX_SIZE = 0.001, 4.0
-"""Sizes of objects that fit into a room [m]."""
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # Metres per unit of mesh files
+MIN_SIZE, MAX_SIZE = 0.001, 4.0  # Sizes of objects that fit into a room [m]
+# Largest ratio of max to min of an informative range: an envelope lies or is a stack, a battery lies or stands
 MAX_RATIO = {"height": 30.0, "longest": 12.0}
-"""Largest ratio of max to min of an informative range: an envelope lies or is a stack, a battery lies or stands."""
-FLAT = 1e-3
-"""Smallest side as a fraction of the longest: a sheet has no thickness."""
+FLAT = 1e-3  # Smallest side as a fraction of the longest: a sheet has no thickness
+# Factor by which a size may be outside its range for a unit to be accepted: products differ, and so do models
 SLACK = 1.15
-"""Factor by which a size may be outside its range for a unit to be accepted: products differ, and so do models."""
 
 
 @dataclass(frozen=True)
 class Size:
-    """Usual size of a kind of object.
+    """Usual size of a kind of object."""
 
-    Attributes:
-        noun: plain name of the kind; brands and rare words resolved.
-        height: min and max in its orientation [m].
-        longest: min and max of the longest side [m].
-        unit: unit of the file, the model's guess.
-        reason: in a few words.
-    """
-
-    noun: str
-    height: Range
-    longest: Range
-    unit: Literal["m", "cm", "mm", "in", "ft", "unknown"]
-    reason: str
+    noun: str  # plain name of the kind; brands and rare words resolved
+    height: Range  # min and max in its orientation [m]
+    longest: Range  # min and max of the longest side [m]
+    unit: Literal["m", "cm", "mm", "in", "ft", "unknown"]  # unit of the file, the model's guess
+    reason: str  # in a few words
 
 
 @dataclass(frozen=True)
 class ScaleFit:
-    """Scale of an object file.
+    """Scale of an object file."""
 
-    Attributes:
-        scale: metres per unit of the file.
-        method: the file's unit that fits the ranges ("unit cm"), or "range" where none does.
-    """
-
-    scale: float
-    method: str
+    scale: float  # metres per unit of the file
+    method: str  # the file's unit that fits the ranges ("unit cm"), or "range" where none does
 
 
 def size(model: Model, facts: dict[str, Any], retries: int, usage: UsageLog) -> Size:
@@ -82,11 +66,7 @@ def size(model: Model, facts: dict[str, Any], retries: int, usage: UsageLog) -> 
 
 
 def checked_size(answer: Size) -> Size:
-    """Return a size if it is plausible.
-
-    Raises:
-        ValidationFeedback: what is wrong with it, for the model.
-    """
+    """Return a size if it is plausible; ValidationFeedback: what is wrong with it, for the model."""
     for name, (low, high) in (("height", answer.height), ("longest", answer.longest)):
         if not (math.isfinite(low) and math.isfinite(high) and MIN_SIZE <= low <= high <= MAX_SIZE):
             raise ValidationFeedback(
@@ -161,63 +141,41 @@ def _middle(answer: Size, height: float, longest: float) -> float:
 
 
 CHOICES = 3
-HIGHEST = 1000.0
-"""Of the supports of a room [m]."""
-LISTED = 200
-"""Number of ids listed for a model that named an unknown one."""
+HIGHEST = 1000.0  # Of the supports of a room [m]
+LISTED = 200  # Number of ids listed for a model that named an unknown one
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A place for an object.
+    """A place for an object."""
 
-    Attributes:
-        target: id of the carrying part.
-        surface: "horizontal", "vertical", or "inside": below another surface of the target, such as a shelf's compartment.
-        relation: "on" it; "in" a basin, a box or a compartment; "against" a wall behind it; "hanging" on a vertical surface.
-        height: of the support above the floor [m]; None for any.
-        reason: in a few words.
-    """
-
-    target: str
+    target: str  # id of the carrying part
+    # "horizontal", "vertical", or "inside": below another surface of the target, such as a shelf's compartment
     surface: Literal["horizontal", "vertical", "inside"]
+    # "on" it; "in" a basin, a box or a compartment; "against" a wall behind it; "hanging" on a vertical surface
     relation: Literal["on", "in", "against", "hanging"]
-    height: float | None
-    reason: str
+    height: float | None  # of the support above the floor [m]; None for any
+    reason: str  # in a few words
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where on its support an object goes.
+    """Where on its support an object goes."""
 
-    Attributes:
-        relation: of `prompts.PLACES`.
-        of: ids of the parts that it refers to: two for "between", else one.
-    """
-
-    relation: str
-    of: tuple[str, ...]
+    relation: str  # of `prompts.PLACES`
+    of: tuple[str, ...]  # ids of the parts that it refers to: two for "between", else one
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Places and orientation of an object.
+    """Places and orientation of an object."""
 
-    Attributes:
-        up: axis of the file that points up, "+x" to "-z".
-        front: axis of the file that its front faces along.
-        near: id of the neighbour, or None.
-        choices: the best place first, three at most; none in a plan that declines.
-        place: where on these, held to where there is room.
-        declined: why there is no place for it in this room; empty in a plan that names places.
-    """
-
-    up: str
-    front: str
-    near: str | None
-    choices: tuple[Choice, ...]
-    place: tuple[Place, ...] = ()
-    declined: str = ""
+    up: str  # axis of the file that points up, "+x" to "-z"
+    front: str  # axis of the file that its front faces along
+    near: str | None  # id of the neighbour, or None
+    choices: tuple[Choice, ...]  # the best place first, three at most; none in a plan that declines
+    place: tuple[Place, ...] = ()  # where on these, held to where there is room
+    declined: str = ""  # why there is no place for it in this room; empty in a plan that names places
 
     @property
     def hangs(self) -> bool:
@@ -231,17 +189,11 @@ class Plan:
 
 @dataclass(frozen=True)
 class FailedPlan:
-    """A plan without room.
+    """A plan without room."""
 
-    Attributes:
-        plan: the plan.
-        reason: the collisions; goes back to the model.
-        unstable: Set where the object tilted, drifted or fell at a free candidate pose.
-    """
-
-    plan: Plan
-    reason: str
-    unstable: bool
+    plan: Plan  # the plan
+    reason: str  # the collisions; goes back to the model
+    unstable: bool  # Set where the object tilted, drifted or fell at a free candidate pose
 
 
 def plan(
@@ -278,11 +230,7 @@ def plan(
 
 
 def checked(answer: Plan, scene: Scene) -> Plan:
-    """Return a plan if it fits the room.
-
-    Raises:
-        ValidationFeedback: what is wrong with it, for the model.
-    """
+    """Return a plan if it fits the room; ValidationFeedback: what is wrong with it, for the model."""
     _check_axes(answer)
     if answer.declined.strip() and not answer.choices:
         return answer
@@ -325,11 +273,11 @@ def _unknown(part_id: str, scene: Scene) -> str:
     return f"There is no {part_id[:60]!r} in the room{nearest(part_id[:60], ids)}. All ids: {', '.join(ids)}."
 
 
+# Kinds of which one table or counter has one
 SINGLE = (
     "tv", "keyboard", "microwave", "kettle", "toaster", "coffee maker", "coffee machine", "printer", "record player",
     "bread bin", "dish rack", "knife block", "toaster oven",
 )  # fmt: skip
-"""Kinds of which one table or counter has one."""
 
 
 def like_on(target: str, label: str, lines: list[dict[str, Any]]) -> str | None:

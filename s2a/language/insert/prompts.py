@@ -31,14 +31,12 @@ stage.Save()
 
 @dataclass(frozen=True)
 class ScriptResult:
-    """Result of a script.
+    """Result of a script."""
 
-    Attributes:
-        layer: `/scene` with the new prim, as the script wrote it; `s2a.language.insert.pipeline.write` puts it over a stage.
-        record: plain values for the JSON record: the active sandbox layers, what they left exposed, seconds, the script.
-    """
-
+    # `/scene` with the new prim, as the script wrote it; `s2a.language.insert.pipeline.write` puts it over a
+    # stage
     layer: Sdf.Layer
+    # plain values for the JSON record: the active sandbox layers, what they left exposed, seconds, the script
     record: dict[str, Any]
 
 
@@ -182,10 +180,10 @@ Answer with one JSON object:
   direction up, another front.
 Answer with the JSON object alone."""
 
+# What the example of a script carries out
 EXAMPLE = Placement(
     "coffee_mug_41", "coffee mug", "objects/coffee_mug_41.usdc", (1.25371, 0.5, 0.74508), (0.0, 0.0, 0.6, 0.8), 0.01
 )
-"""What the example of a script carries out."""
 
 SCRIPT = f"""\
 You write short Python scripts for usd-core. A script adds one object to a stage, exactly as planned, and nothing else.
@@ -206,8 +204,8 @@ Example. {{"id":"coffee_mug_41","label":"coffee mug","reference":"objects/coffee
 Answer with the script alone, without explanations."""
 
 
+# Relations of a plan to things of the room
 PLACES = ("left", "right", "front", "behind", "above", "between", "back edge", "front edge", "corner", "middle")
-"""Relations of a plan to things of the room."""
 AXIS = {"type": "string", "enum": ["+x", "-x", "+y", "-y", "+z", "-z"]}
 SPAN = {"type": "array", "items": {"type": "number"}, "description": "least and largest"}
 TEXT = {"type": "string"}

@@ -19,18 +19,14 @@ from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh, Scene
 
 AZIMUTHS, ELEVATIONS = 24, np.radians([5.0, 15.0, 25.0, 40.0, 60.0])
+# Height over width of what lies flat, and the least elevation from which it is looked at: edge-on it is a line
 FLAT, STEEP = 0.15, np.radians(25.0)
-"""Height over width of what lies flat, and the least elevation from which it is looked at: edge-on it is a line."""
-CLOSER = (1.0, 0.6, 0.35, 0.2)
-"""Distances that are tried, as fractions of the camera's."""
-POINTS = 80
-"""Sampled on the object."""
-GAP = 0.002
-"""Rays start this far from the surface [m]."""
-LOW, HIGH = 0.15, 2.3
-"""Heights of the camera above the floor [m]."""
+CLOSER = (1.0, 0.6, 0.35, 0.2)  # Distances that are tried, as fractions of the camera's
+POINTS = 80  # Sampled on the object
+GAP = 0.002  # Rays start this far from the surface [m]
+LOW, HIGH = 0.15, 2.3  # Heights of the camera above the floor [m]
+# Share of the best view's visible points that a view farther off must have, to be taken for what it shows of the room
 ENOUGH = 0.8
-"""Share of the best view's visible points that a view farther off must have, to be taken for what it shows of the room."""
 
 
 def viewpoint(scene: Scene, object: Mesh, front: np.ndarray, camera: OrbitCamera) -> CameraPose:
@@ -80,23 +76,16 @@ def _eyes(
     return eyes[inside], 1.0 - closer[inside], np.cos(azimuth)[inside]
 
 
-CLOSE = 1.8
-"""Distance of the near image, as a multiple of the object's diagonal."""
-WIDTH = 640
-"""Of the images [pixels]: models take larger ones for more tokens, and they take seconds to render."""
+CLOSE = 1.8  # Distance of the near image, as a multiple of the object's diagonal
+WIDTH = 640  # Of the images [pixels]: models take larger ones for more tokens, and they take seconds to render
 
 
 @dataclass(frozen=True)
 class ReviewVerdict:
-    """What a model that sees says of an object in its place.
+    """What a model that sees says of an object in its place."""
 
-    Attributes:
-        right: True if it looks right.
-        problem: what is wrong, and what would be better; empty if nothing is.
-    """
-
-    right: bool
-    problem: str
+    right: bool  # True if it looks right
+    problem: str  # what is wrong, and what would be better; empty if nothing is
 
 
 def reviewed(model: Model, room: Scene, inserted: Inserted, settings: InsertSettings, usage: UsageLog) -> ReviewVerdict:

@@ -23,38 +23,23 @@ from s2a.scene.scene import Mesh, Part
 
 @dataclass(frozen=True)
 class ObjectRequest:
-    """An object to insert.
+    """An object to insert."""
 
-    Attributes:
-        file: a mesh or a USD stage.
-        label: name of the object in any words.
-        hint: placement hint in words, such as "next to the keyboard", or empty.
-    """
-
-    file: Path
-    label: str
-    hint: str = ""
+    file: Path  # a mesh or a USD stage
+    label: str  # name of the object in any words
+    hint: str = ""  # placement hint in words, such as "next to the keyboard", or empty
 
 
 @dataclass(frozen=True)
 class Inserted:
-    """An object in its place.
+    """An object in its place."""
 
-    Attributes:
-        placement: id, reference and pose.
-        candidate: the candidate pose that was accepted.
-        part: the object as a part of the room, scene coordinates.
-        mesh: its surface upright, in the unit of its file, as its own USD file holds it.
-        layer: USD layer that the script made.
-        plan: the plan by which it was placed.
-    """
-
-    placement: Placement
-    candidate: CandidatePose
-    part: Part
-    mesh: Mesh
-    layer: Sdf.Layer
-    plan: Plan
+    placement: Placement  # id, reference and pose
+    candidate: CandidatePose  # the candidate pose that was accepted
+    part: Part  # the object as a part of the room, scene coordinates
+    mesh: Mesh  # its surface upright, in the unit of its file, as its own USD file holds it
+    layer: Sdf.Layer  # USD layer that the script made
+    plan: Plan  # the plan by which it was placed
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,14 +20,11 @@ from s2a.scene.geometry.convex import hull, one_hull
 from s2a.scene.geometry.mesh_ops import sample
 from s2a.scene.scene import Mesh, Scene
 
+# (upright object, candidate pose, room) -> results with the key `problem`, empty if the object stays
 StabilityCheck = Callable[[Mesh, CandidatePose, Scene], Record]
-"""(upright object, candidate pose, room) -> results with the key `problem`, empty if the object stays."""
-UP_HOLDS = np.radians(15.0)
-"""Largest tilt at which what rests still has its up [rad]."""
-STRAYED = 0.15
-"""Largest way from where it was put to where it rests [m]."""
-LIFT = 0.003
-"""Height from which it is put down again [m]."""
+UP_HOLDS = np.radians(15.0)  # Largest tilt at which what rests still has its up [rad]
+STRAYED = 0.15  # Largest way from where it was put to where it rests [m]
+LIFT = 0.003  # Height from which it is put down again [m]
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
@@ -113,18 +110,15 @@ def put_down(room: RoomState, object: Mesh, candidate: CandidatePose, config: Po
     return None
 
 
-FOOT = 0.03
-"""The foot of an object, as a fraction of its height."""
-SAMPLES = 4000
-"""Points sampled on the surface, besides the vertices."""
-QUERY_RADIUS = 0.05
-"""Triangles of the room within this distance of the object take part in its drop test [m]."""
+FOOT = 0.03  # The foot of an object, as a fraction of its height
+SAMPLES = 4000  # Points sampled on the surface, besides the vertices
+QUERY_RADIUS = 0.05  # Triangles of the room within this distance of the object take part in its drop test [m]
 
+# Least cosine between the vertical and one of an object's axes, below which it lies on no side
 ASLANT = float(np.cos(np.radians(25.0)))
-"""Least cosine between the vertical and one of an object's axes, below which it lies on no side."""
 
+# How an object lies, by its own axis that is vertical, front first, and whether that points down
 LYING = (("on its back", "on its front"), ("on its side", "on its side"), ("the way up it was put", "upside down"))
-"""How an object lies, by its own axis that is vertical, front first, and whether that points down."""
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from s2a.scene.geometry.mesh_ops import normals, sample
 from s2a.scene.geometry.mesh_query import RayMesh, kept_ray_mesh, visible_distance
 from s2a.scene.scene import Mesh
 
+# Directions by name: "+x" to "-z"
 AXES = {
     f"{sign}{name}": direction
     for name, axis in zip("xyz", np.eye(3), strict=True)
     for sign, direction in (("+", axis), ("-", -axis))
 }
-"""Directions by name: "+x" to "-z"."""
 
 
 def sideways(up: str) -> list[str]:
@@ -21,24 +21,16 @@ def sideways(up: str) -> list[str]:
     return [name for name, axis in AXES.items() if abs(axis @ AXES[up]) < 0.5]
 
 
-FOOT = 0.02
-"""Height of the support polygon as a fraction of the longest side: few objects are quite flat below."""
-EXACT = 0.002
-"""The same, for the exact resting pose."""
-STEADY = 0.05
-"""Smallest tilt margin of a stable pose, as a fraction of a right angle."""
-ASKEW = 0.966
-"""Cosine of 15 deg: largest angle between an axis of the file and the up axis of a stable pose."""
-TRIED = 12
-"""Faces of the convex hull that are tested as support, the largest first."""
+FOOT = 0.02  # Height of the support polygon as a fraction of the longest side: few objects are quite flat below
+EXACT = 0.002  # The same, for the exact resting pose
+STEADY = 0.05  # Smallest tilt margin of a stable pose, as a fraction of a right angle
+ASKEW = 0.966  # Cosine of 15 deg: largest angle between an axis of the file and the up axis of a stable pose
+TRIED = 12  # Faces of the convex hull that are tested as support, the largest first
 SLICES = 5
 SAMPLES = 5000
-GRID = 24
-"""Points along a side of the grid over each end."""
-DEEP = 0.25
-"""Smallest depth of a concavity, as a fraction of the extent."""
-SIDEWAYS = 8
-"""Directions in which a concavity must be bounded, except one."""
+GRID = 24  # Points along a side of the grid over each end
+DEEP = 0.25  # Smallest depth of a concavity, as a fraction of the extent
+SIDEWAYS = 8  # Directions in which a concavity must be bounded, except one
 
 
 def tilt_margins(mesh: Mesh) -> dict[str, float]:
@@ -185,21 +177,19 @@ def _hull(points: np.ndarray) -> ConvexHull | None:
         return None
 
 
+# Angle at which things lean [rad]: a guitar, a broom, a board; friction holds their feet up to about 40 deg
 LEAN = np.radians(10.0)
-"""Angle at which things lean [rad]: a guitar, a broom, a board; friction holds their feet up to about 40 deg."""
-SHAKY = 0.11
-"""Tilt margin below which a thing is leaned, as a share of a right angle: 10 deg."""
-TALL = 3.0
-"""Height over depth from which a thing is leaned."""
-LOWEST, SHAFT = 0.05, (0.1, 0.3)
-"""Heights of the foot and of the shaft above it, as fractions of an object's height."""
+SHAKY = 0.11  # Tilt margin below which a thing is leaned, as a share of a right angle: 10 deg
+TALL = 3.0  # Height over depth from which a thing is leaned
+LOWEST, SHAFT = 0.05, (0.1, 0.3)  # Heights of the foot and of the shaft above it, as fractions of an object's height
+# A stand's area over that of the shaft above it, and its width over its length: that of a lamp, not the head of a
+# broom
 WIDER, SQUARE = 3.0, 0.5
-"""A stand's area over that of the shaft above it, and its width over its length: that of a lamp, not the head of a broom."""
 
 
+# A panel's face: cosine of its normals to where it looks, length of their mean, area over that of the other face, and
+# sine of its least lean
 FACE, FLAT, ALIKE, LEANS = 0.85, 0.98, 0.6, 0.06
-"""A panel's face: cosine of its normals to where it looks, length of their mean, area over that of the other face, and sine of
-its least lean."""
 
 
 def slender(object: Mesh) -> bool:
@@ -228,10 +218,7 @@ def outline(points: np.ndarray) -> float:
 def leans_forward(mesh: Mesh, up: np.ndarray, front: np.ndarray) -> bool:
     """Return True for a panel whose front looks down and whose back looks up: a photo on its strut that is taken for its back.
 
-    Args:
-        mesh: as it stands.
-        up: unit direction, shape [3].
-        front: unit direction of what is taken for its front, across `up`, shape [3].
+    `up`: unit direction, shape [3]; `front`: unit direction of what is taken for its front, across `up`, shape [3].
     """
     facing, areas = normals(mesh).astype(np.float64), mesh.face_areas.astype(np.float64)
     sides = [facing @ way > FACE for way in (front, -front)]

@@ -102,16 +102,13 @@ class Names:
                 self.names[keyword.arg].append(keyword.value)
 
 
-Known = list[Any] | None
-"""All values that an expression can have; None where they do not follow from the text."""
-WIDTH = re.compile(r"\d{3}")
-"""A number of three digits in a format: what it gives may be long."""
+Known = list[Any] | None  # All values that an expression can have; None where they do not follow from the text
+WIDTH = re.compile(r"\d{3}")  # A number of three digits in a format: what it gives may be long
+# Values of an expression, steps in which those of all are found, and letters and bits of one
 MOST_VALUES, MOST_STEPS, MOST_LETTERS, MOST_BITS = 64, 20_000, 2000, 1024
-"""Values of an expression, steps in which those of all are found, and letters and bits of one."""
-STEP = 100
-"""Letters that take as long as a step."""
+STEP = 100  # Letters that take as long as a step
+# What has a path, but is no text: its `str` may be another
 PATHS = ("Sdf.Layer.FindOrOpen", "Sdf.Reference", "Sdf.Path")
-"""What has a path, but is no text: its `str` may be another."""
 
 
 @dataclass(frozen=True)

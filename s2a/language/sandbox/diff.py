@@ -19,8 +19,8 @@ from s2a.scene.scene import Vec3
 from s2a.scene.usd.stage import RESERVED, ROOT
 
 MAX_LABEL = 200
+# Decimals of a position [m] and of a quaternion, and digits of a scale: no more than a model can copy
 POSITION, ORIENTATION, SCALE = 5, 7, 6
-"""Decimals of a position [m] and of a quaternion, and digits of a scale: no more than a model can copy."""
 
 
 @dataclass(frozen=True)
@@ -86,28 +86,25 @@ def check_label(label: str) -> None:
         )
 
 
-TAXONOMY = "class"
-"""Of the semantic label: `semantics:labels:class`."""
+TAXONOMY = "class"  # Of the semantic label: `semantics:labels:class`
+# A prim's `kind` that says nothing of consequence; it may be left out
 KINDS = ("component", "subcomponent", "prop", "model")
-"""A prim's `kind` that says nothing of consequence; it may be left out."""
-NESTING = 32
-"""Brackets within brackets; USD's parser calls itself for each, and a stage of ours has 6."""
+NESTING = 32  # Brackets within brackets; USD's parser calls itself for each, and a stage of ours has 6
+# Texts, files and comments of USD's text, whose brackets are none, and the brackets
 TOKENS = re.compile(
     rb""""{3}(?:[^\\]|\\.)*?"{3}|'{3}(?:[^\\]|\\.)*?'{3}|"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*"""
     rb"""'|@@@.*?@@@|@[^@\n]*@|\#[^\n]*|//[^\n]*|/\*.*?\*/|[][(){}]""",
     re.DOTALL,
 )
-"""Texts, files and comments of USD's text, whose brackets are none, and the brackets."""
-TOLERANCE = 1e-6
-"""Tolerance of the pose: metres, and fractions of the scale."""
+TOLERANCE = 1e-6  # Tolerance of the pose: metres, and fractions of the scale
 VECTORS, SCALARS = ("float3", "double3", "half3"), ("float", "double", "half")
+# Transform operations with the types that USD gives them
 OPERATIONS = {
     r"xformOp:(translate|scale|rotate(XYZ|XZY|YXZ|YZX|ZXY|ZYX))(:\w+)?": VECTORS,
     r"xformOp:rotate[XYZ](:\w+)?": SCALARS,
     r"xformOp:orient(:\w+)?": ("quatf", "quatd", "quath"),
     r"xformOp:transform(:\w+)?": ("matrix4d",),
 }
-"""Transform operations with the types that USD gives them."""
 PRIM_FIELDS = ("specifier", "typeName", "references", "apiSchemas", "kind")
 ATTRIBUTE_FIELDS = ("custom", "typeName", "variability", "default")
 

@@ -31,10 +31,8 @@ from s2a.language.sandbox.policy import AllowConfig
 from s2a.language.sandbox.worker import GUARANTEES, INODES, MEBIBYTE
 
 START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.language.sandbox.{} import main; main(int(sys.argv[1]))"
-REPORT = 1 << 16
-"""Longest report that is read [bytes]."""
-POLL_INTERVAL = 0.1
-"""Time between looks at the scratch folder [s]."""
+REPORT = 1 << 16  # Longest report that is read [bytes]
+POLL_INTERVAL = 0.1  # Time between looks at the scratch folder [s]
 
 
 class Process:
@@ -127,15 +125,12 @@ class Process:
         self._open.close()
 
 
-EXPOSED = ("existence, size, owner and times of files outside the scratch folder",)
-"""What only namespaces hide."""
+EXPOSED = ("existence, size, owner and times of files outside the scratch folder",)  # What only namespaces hide
 Task = Literal["worker", "comparer"]
+# Characters of a reported reason that are kept, and the highest line that is believed
 REASON, MOST_LINES = {"process": 300, "comparison": 1000}, 1_000_000
-"""Characters of a reported reason that are kept, and the highest line that is believed."""
-STARTING = 30.0
-"""Longest time in which a process enables its layers [s]."""
-STAGE = "scene.usda"
-"""Name of the stage in the scratch folder, which is the current one."""
+STARTING = 30.0  # Longest time in which a process enables its layers [s]
+STAGE = "scene.usda"  # Name of the stage in the scratch folder, which is the current one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,19 +160,12 @@ class SandboxConfig:
 
 @dataclass(frozen=True)
 class SandboxResult:
-    """Result of a sandboxed run.
+    """Result of a sandboxed run."""
 
-    Attributes:
-        saved: the stage as the process returned it; untrusted.
-        active: sandbox layers that were active, reported before the script began.
-        exposed: what a script could see of the system all the same.
-        seconds: from when the process received the script to its end [s].
-    """
-
-    saved: bytes
-    active: tuple[str, ...]
-    exposed: tuple[str, ...]
-    seconds: float
+    saved: bytes  # the stage as the process returned it; untrusted
+    active: tuple[str, ...]  # sandbox layers that were active, reported before the script began
+    exposed: tuple[str, ...]  # what a script could see of the system all the same
+    seconds: float  # from when the process received the script to its end [s]
 
 
 class Sandbox:

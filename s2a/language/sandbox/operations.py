@@ -22,23 +22,22 @@ class PolicyViolation(InputError):
         super().__init__(f"script refused ({step}){'' if line is None else f', line {line}'}: {self.reason}")
 
 
-MODULES = ("Gf", "Kind", "Sdf", "Tf", "Usd", "UsdGeom", "UsdSemantics", "Vt")
-"""What may be imported from pxr."""
+MODULES = ("Gf", "Kind", "Sdf", "Tf", "Usd", "UsdGeom", "UsdSemantics", "Vt")  # What may be imported from pxr
+# What may be imported from elsewhere: functions of numbers, and words for annotations, which cannot be called
 OTHERS = {
     "math": tuple(
         "pi tau sqrt sin cos tan asin acos atan atan2 radians degrees hypot floor ceil fabs isclose isfinite isnan".split()
     ),
     "typing": tuple("Any Dict Iterable List Mapping Optional Sequence Tuple Union".split()),
 }
-"""What may be imported from elsewhere: functions of numbers, and words for annotations, which cannot be called."""
 
+# Kinds of nodes in a syntax tree that a script may have
 FORMS = (
     "Module Expr Assign AnnAssign AugAssign FunctionDef Return If For With withitem Try ExceptHandler Raise Assert Pass "
     "Break Continue Import ImportFrom alias arguments arg keyword Call Name Attribute Subscript Slice Constant Starred JoinedStr "
     "FormattedValue List Tuple Dict ListComp comprehension IfExp BoolOp And Or UnaryOp USub UAdd Not BinOp Add Sub Mult Div "
     "BitOr Mod Compare Eq NotEq Lt LtE Gt GtE Is IsNot In NotIn Load Store"
 ).split()
-"""Kinds of nodes in a syntax tree that a script may have."""
 
 BUILTINS = frozenset(
     "abs bool dict enumerate float int isinstance len list max min print range reversed round set sorted str sum tuple zip "
@@ -51,6 +50,7 @@ _TYPES = (
     "StringArray Token TokenArray Vector3d Vector3f Point3f Normal3f DoubleArray FloatArray IntArray Half Half3"
 )
 
+# Names below the modules, as values and as functions
 DOTTED = frozenset(
     f"{_VECTORS} Gf.Quatd Gf.Quatf Gf.Quath Gf.Quaternion Gf.Matrix3d Gf.Matrix4d Gf.Rotation Gf.Transform "
     "Gf.IsClose Gf.Vec3d.XAxis Gf.Vec3d.YAxis Gf.Vec3d.ZAxis Gf.Normalize Gf.Quatd.GetIdentity Gf.Quatf.GetIdentity "
@@ -71,8 +71,8 @@ DOTTED = frozenset(
     "UsdSemantics.LabelsAPI UsdSemantics.LabelsAPI.Apply UsdSemantics.LabelsAPI.Get UsdSemantics.LabelsAPI.CanApply "
     "Vt.TokenArray Vt.StringArray Vt.DoubleArray Vt.FloatArray Vt.IntArray".split()
 ) | {f"{module}.{name}" for module, names in OTHERS.items() for name in names}
-"""Names below the modules, as values and as functions."""
 
+# What may follow a dot behind anything else
 METHODS = frozenset(
     # of stages, layers and paths
     "GetPrimAtPath GetDefaultPrim DefinePrim OverridePrim GetRootLayer GetEditTarget GetPseudoRoot Traverse Save "
@@ -100,26 +100,25 @@ METHODS = frozenset(
     # of low-level specs
     "specifier typeName".split()
 )
-"""What may follow a dot behind anything else."""
 
+# Which of them are no functions: the others must be called where they stand
 PROPERTIES = frozenset(
     "name path pathString real imaginary specifier typeName default referenceList prependedItems".split()
 )
-"""Which of them are no functions: the others must be called where they stand."""
 
+# Methods that give numbers, or vectors, quaternions and matrices, whatever they are called on: no text or list has
+# them
 NUMERIC = frozenset(
     "SetScale SetRotate SetTranslate SetRotateOnly SetTranslateOnly SetIdentity SetDiagonal SetRow SetRow3 GetInverse "
     "GetTranspose GetNormalized Normalize GetReal GetImaginary GetAngle GetAxis GetLength GetQuat GetQuaternion "
     "ExtractTranslation ExtractRotation ExtractRotationQuat GetLocalTransformation ComputeLocalToWorldTransform".split()
 )
-"""Methods that give numbers, or vectors, quaternions and matrices, whatever they are called on: no text or list has them."""
 
-STORES = frozenset({"specifier", "typeName", "default"})
-"""What may be assigned behind a dot."""
+STORES = frozenset({"specifier", "typeName", "default"})  # What may be assigned behind a dot
 
-METADATA = frozenset({"kind", "comment", "displayName"})
-"""What SetMetadata may set."""
+METADATA = frozenset({"kind", "comment", "displayName"})  # What SetMetadata may set
 
+# Operations whose first argument is a file, and which file it has to be
 FILES = {
     "Usd.Stage.Open": "stage",
     "Sdf.Layer.FindOrOpen": "stage",
@@ -128,11 +127,10 @@ FILES = {
     "SetReferences": "object",
     "Prepend": "object",
 }
-"""Operations whose first argument is a file, and which file it has to be."""
 
+# Methods that a loop may run over: as many as the stage has, or a literal
 GROWING = frozenset(
     {"Traverse", "GetChildren", "GetAllChildren", "GetAttributes", "GetOrderedXformOps", "items", "keys", "values"}
 )
-"""Methods that a loop may run over: as many as the stage has, or a literal."""
+# Functions that give as many items as they are given
 WRAPPING = frozenset({"enumerate", "zip", "sorted", "reversed", "list", "tuple"})
-"""Functions that give as many items as they are given."""

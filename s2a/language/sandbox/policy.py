@@ -168,25 +168,17 @@ def _short(end: object, config: AllowConfig) -> bool:
     return isinstance(end, int) and abs(end) <= config.max_repeats // 2
 
 
-HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")
-"""A text that spells a name which begins with an underscore."""
+HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")  # A text that spells a name which begins with an underscore
 
 
 @dataclass(frozen=True)
 class _Check:
-    """What the rules need to know.
+    """What the rules need to know."""
 
-    Attributes:
-        values: what the script's expressions can be.
-        files: which file "stage" and "object" are.
-        called: the expressions that are called.
-        config: bounds.
-    """
-
-    values: Values
-    files: dict[str, str]
-    called: frozenset[ast.expr]
-    config: AllowConfig
+    values: Values  # what the script's expressions can be
+    files: dict[str, str]  # which file "stage" and "object" are
+    called: frozenset[ast.expr]  # the expressions that are called
+    config: AllowConfig  # bounds
 
 
 def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:

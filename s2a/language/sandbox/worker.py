@@ -25,15 +25,13 @@ CLONE_NEWNS, CLONE_NEWUTS, CLONE_NEWIPC, CLONE_NEWUSER, CLONE_NEWNET = (
 )
 MS_NOSUID, MS_NODEV, MS_NOEXEC, MS_REC, MS_PRIVATE = 2, 4, 8, 0x4000, 0x40000
 CAPABILITY_VERSION = 0x20080522
-LANDLOCK_CREATE, LANDLOCK_ADD, LANDLOCK_RESTRICT = 444, 445, 446
-"""System calls, the same numbers on every machine."""
+LANDLOCK_CREATE, LANDLOCK_ADD, LANDLOCK_RESTRICT = 444, 445, 446  # System calls, the same numbers on every machine
+# Number of kinds of file access that a version of Landlock knows; later ones know no more
 ACCESS_BITS = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}
-"""Number of kinds of file access that a version of Landlock knows; later ones know no more."""
+# What the scratch folder grants: write, read, list, remove and make regular files, truncate
 USABLE = 1 << 1 | 1 << 2 | 1 << 3 | 1 << 5 | 1 << 8 | 1 << 14
-"""What the scratch folder grants: write, read, list, remove and make regular files, truncate."""
 MEBIBYTE = 1 << 20
-INODES = 64
-"""Files and folders in a scratch folder."""
+INODES = 64  # Files and folders in a scratch folder
 
 libc = ctypes.CDLL(None, use_errno=True)
 
@@ -123,15 +121,15 @@ def _system_call(number: int, *arguments: object) -> int:
 
 
 PR_SET_NO_NEW_PRIVS, PR_SET_SECCOMP, SECCOMP_MODE_FILTER = 38, 22, 2
+# What a filter answers (linux/seccomp.h): go on; fail with EPERM; do nothing and succeed; end the process
 ALLOW, REFUSE, IGNORE, KILL = 0x7FFF0000, 0x00050000 | 1, 0x00050000, 0x80000000
-"""What a filter answers (linux/seccomp.h): go on; fail with EPERM; do nothing and succeed; end the process."""
+# Instructions of classic BPF: load a word, three conditional jumps, return
 LOAD, EQUAL, AT_LEAST, ANY_BIT, RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
-"""Instructions of classic BPF: load a word, three conditional jumps, return."""
+# Offsets in struct seccomp_data: the call's number, the architecture, the low words of two arguments
 NUMBER, ARCHITECTURE, SECOND, THIRD = 0, 4, 24, 32
-"""Offsets in struct seccomp_data: the call's number, the architecture, the low words of two arguments."""
 PROT_EXEC = 4
+# fcntl commands that duplicate a descriptor or tell its flags; others send signals (F_SETOWN) or resize pipes
 FCNTL = (0, 1, 2, 3, 1030)
-"""fcntl commands that duplicate a descriptor or tell its flags; others send signals (F_SETOWN) or resize pipes."""
 
 X86_64 = {
     "read": 0, "write": 1, "open": 2, "close": 3, "stat": 4, "fstat": 5, "lstat": 6, "lseek": 8, "mmap": 9, "mprotect": 10,
@@ -156,10 +154,10 @@ AARCH64 = {
     "getegid": 177, "gettid": 178, "sysinfo": 179, "brk": 214, "munmap": 215, "mremap": 216, "mmap": 222, "mprotect": 226,
     "madvise": 233, "renameat2": 276, "getrandom": 278, "statx": 291, "rseq": 293, "faccessat2": 439,
 }  # fmt: skip
+# USD sets the permissions of what it saves, and only asks whether that failed
 IGNORED = ("chmod", "fchmod", "fchmodat")
-"""USD sets the permissions of what it saves, and only asks whether that failed."""
+# Architecture tokens (linux/audit.h) and the numbers of the calls that are let through (asm/unistd.h)
 MACHINES = {"x86_64": (0xC000003E, X86_64), "aarch64": (0xC00000B7, AARCH64)}
-"""Architecture tokens (linux/audit.h) and the numbers of the calls that are let through (asm/unistd.h)."""
 
 
 class _Program(ctypes.Structure):
@@ -205,14 +203,13 @@ def _step(code: int, value: int, if_true: int = 0, if_false: int = 0) -> bytes:
     return struct.pack("<HBBI", code, if_true, if_false, value)
 
 
-NAME = "<script>"
-"""What tracebacks call the script."""
+NAME = "<script>"  # What tracebacks call the script
+# What each sandbox layer keeps a script from
 GUARANTEES = {
     "namespaces": ("files", "network"),
     "landlock": ("files",),
     "seccomp": ("network", "processes"),
 }
-"""What each sandbox layer keeps a script from."""
 
 
 def main(descriptor: int) -> None:

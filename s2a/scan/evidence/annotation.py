@@ -14,10 +14,9 @@ from s2a.scan.formats.articulate3d import Overlap
 from s2a.scene.geometry.mesh_ops import centroids, normals
 from s2a.scene.scene import Mesh, Scene
 
+# Faces within 10 degrees of a direction look along it: rough faces of level surfaces do
 LEVEL = np.cos(np.radians(10.0))
-"""Faces within 10 degrees of a direction look along it: rough faces of level surfaces do."""
-BORDER = 0.15
-"""[m] Surfaces this near to the lowest or the highest ones are floor or ceiling."""
+BORDER = 0.15  # [m] Surfaces this near to the lowest or the highest ones are floor or ceiling
 UNITS = "scan_units"
 FLOOR = re.compile(r"^\s*floor\s*$", re.IGNORECASE)
 REMEDY = "possible: z up; turn mesh and joints together (x, y, z) -> (x, -z, y) for a scan with y up"
@@ -101,10 +100,7 @@ def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Che
     The height of the room, of the surfaces that objects stand on, and the thickness of handles, as far as there are any. One
     of them may be odd (a hall, a gallery, a wheel as a handle), two are not by chance.
 
-    Args:
-        surface: the room.
-        fronts: fronts of its moving parts by id.
-        bounds: `heights`, `surfaces` and `handles`.
+    `fronts`: fronts of its moving parts by id; `bounds`: `heights`, `surfaces` and `handles`.
     """
     scene, heights = surface.scene, surface.mesh.vertices[:, 2]
     height = float(np.subtract(*np.quantile(heights, [0.995, 0.005]))) if len(heights) else 0.0

@@ -10,44 +10,29 @@ from s2a.scene.geometry.mesh_ops import centroids, keep, merge, sample
 from s2a.scene.geometry.planes import across, find_planes, min_area_rectangle
 from s2a.scene.scene import Mesh, Scene
 
-FLAT = 0.006
-"""[m] Faces this near belong to a plane: three times the noise of a laser scan."""
-POINTS = 120
-"""Points of a front whose lines of sight are tried."""
-SIDED = 0.3
-"""Excess of one side over the other, of their sum, from which the lines of sight tell a side."""
-RELIEF = 0.004
-"""[m] A region whose middle stands out by less may be noise."""
+FLAT = 0.006  # [m] Faces this near belong to a plane: three times the noise of a laser scan
+POINTS = 120  # Points of a front whose lines of sight are tried
+SIDED = 0.3  # Excess of one side over the other, of their sum, from which the lines of sight tell a side
+RELIEF = 0.004  # [m] A region whose middle stands out by less may be noise
 
 
 @dataclass(frozen=True)
 class Front:
-    """The largest plane of a part.
+    """The largest plane of a part."""
 
-    Attributes:
-        normal: unit, outwards: to the side where the room is, shape [3].
-        offset: normal.x on the plane [m].
-        axes: directions of the sides of the smallest rectangle around the part in the plane, as columns, shape [3 2].
-        low: smallest coordinates of the part along `axes` [m], shape [2].
-        high: largest ones.
-        thickness: extent of the part behind its plane [m].
-        fill: fraction of the rectangle that the part's outline fills: about 1 for a rectangle, 0.79 for a disc.
-        seen: excess of the lines of sight from the outward side over those from the other, of their sum, -1 to 1; NaN
-            where none is free.
-        facing: the same of the area of faces that look outwards, -1 to 1.
-        relief: how far the middle of the grasp region stands out of the plane [m]; NaN for a part without a region.
-    """
-
-    normal: np.ndarray
-    offset: float
+    normal: np.ndarray  # unit, outwards: to the side where the room is, shape [3]
+    offset: float  # normal.x on the plane [m]
+    # directions of the sides of the smallest rectangle around the part in the plane, as columns, shape [3 2]
     axes: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    thickness: float
-    fill: float
+    low: np.ndarray  # smallest coordinates of the part along `axes` [m], shape [2]
+    high: np.ndarray  # largest ones
+    thickness: float  # extent of the part behind its plane [m]
+    fill: float  # fraction of the rectangle that the part's outline fills: about 1 for a rectangle, 0.79 for a disc
+    # excess of the lines of sight from the outward side over those from the other, of their sum, -1 to 1; NaN
+    # where none is free
     seen: float
-    facing: float
-    relief: float
+    facing: float  # the same of the area of faces that look outwards, -1 to 1
+    relief: float  # how far the middle of the grasp region stands out of the plane [m]; NaN for a part without a region
 
     @property
     def center(self) -> np.ndarray:

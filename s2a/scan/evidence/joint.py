@@ -12,8 +12,8 @@ from s2a.scene.articulation import open_limit, opening_direction
 from s2a.scene.scene import Joint
 
 CHECK = "opens_outward"
+# Fraction of a joint's range on the lesser side of zero from which the part was scanned ajar: both ways are open
 AJAR = 0.1
-"""Fraction of a joint's range on the lesser side of zero from which the part was scanned ajar: both ways are open."""
 
 
 def outward_cosine(joint: Joint, front: Front) -> float:
@@ -78,22 +78,17 @@ def _angle(axis: np.ndarray, directions: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(np.abs(axis @ directions).max(), 0.0, 1.0))))
 
 
+# A front counts as round whose outline fills less of its rectangle (a disc fills pi / 4, one with ragged corners
+# 0.92)
 ROUND = 0.87
-"""A front counts as round whose outline fills less of its rectangle (a disc fills pi / 4, one with ragged corners 0.92)."""
 UP = np.array([0.0, 0.0, 1.0])
-UPRIGHT = 0.7
-"""Cosine between a front's normal and the vertical up to which the front stands rather than lies."""
+UPRIGHT = 0.7  # Cosine between a front's normal and the vertical up to which the front stands rather than lies
 
-LIFTS = re.compile(r"\b(sash|garage|roller|roll|shutter|blinds?|hatch)\b")
-"""Names of what slides up and down."""
-DEEP = 0.15
-"""[m] What lies less far behind a front is another front or the edge of the furniture, not the wall."""
-AHEAD = 0.1
-"""[m] Where the rays to the wall begin, before the front: its handle and rim are passed."""
-BEHIND = 0.06
-"""[m] Free space is looked for this far behind furniture: more than the thickness of its back."""
-ABOVE = 2.5
-"""[m] The wall behind furniture is looked for up to this height over a front."""
+LIFTS = re.compile(r"\b(sash|garage|roller|roll|shutter|blinds?|hatch)\b")  # Names of what slides up and down
+DEEP = 0.15  # [m] What lies less far behind a front is another front or the edge of the furniture, not the wall
+AHEAD = 0.1  # [m] Where the rays to the wall begin, before the front: its handle and rim are passed
+BEHIND = 0.06  # [m] Free space is looked for this far behind furniture: more than the thickness of its back
+ABOVE = 2.5  # [m] The wall behind furniture is looked for up to this height over a front
 
 
 def along_normal(joint: Joint, front: Front) -> bool:
@@ -189,10 +184,9 @@ def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bound
     )
 
 
-SLIDES = re.compile(r"\bdrawers?\b")
-"""Names of parts that slide."""
+SLIDES = re.compile(r"\bdrawers?\b")  # Names of parts that slide
+# Names of parts that turn about an edge, or slide along it, and are never pulled forwards
 TURNS = re.compile(r"\b(doors?|windows?|lids?|flaps?|gates?|mirrors?)\b")
-"""Names of parts that turn about an edge, or slide along it, and are never pulled forwards."""
 
 
 def kind(part: str, label: str, joint: Joint, front: Front, bounds: Bounds) -> Check:

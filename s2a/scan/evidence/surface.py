@@ -15,18 +15,14 @@ from s2a.scene.geometry.mesh_ops import merge, normals, sample, sample_with_face
 from s2a.scene.geometry.mesh_query import Forest, RayMesh, first_hits, nearest_faces, ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
 
-GRID = 7
-"""Candidate viewpoints along each side of the room's box: half a metre apart in a room of four metres."""
-CLEARANCE = 0.2
-"""[m] A viewpoint has this much free space around it: a scanner's head or a hand-held device."""
+GRID = 7  # Candidate viewpoints along each side of the room's box: half a metre apart in a room of four metres
+CLEARANCE = 0.2  # [m] A viewpoint has this much free space around it: a scanner's head or a hand-held device
+# Fraction of the rays from a place in a room that hit its surface; outside of it most of them hit nothing
 ENCLOSED = 0.7
-"""Fraction of the rays from a place in a room that hit its surface; outside of it most of them hit nothing."""
+# Fraction of the rays from free space that hit surfaces from one and the same side; the rest are open edges and noise
 FACING = 0.9
-"""Fraction of the rays from free space that hit surfaces from one and the same side; the rest are open edges and noise."""
-SAMPLES = 20_000
-"""Points that stand for the surface."""
-REACH = 30.0
-"""[m] Longest line of sight."""
+SAMPLES = 20_000  # Points that stand for the surface
+REACH = 30.0  # [m] Longest line of sight
 
 
 class ScanSurface:
@@ -95,9 +91,7 @@ class ScanSurface:
     def sight(self, start: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the distance of rays to the surface [m], at most REACH, and if they meet it from behind, shape [ray] each.
 
-        Args:
-            start: of the rays [m], shape [ray 3].
-            direction: unit directions, shape [ray 3] or [3].
+        `start`: of the rays [m], shape [ray 3]; `direction`: unit directions, shape [ray 3] or [3].
         """
         distance, behind = visible_distance(self.tree, start, direction, REACH)
         return distance, behind != self._interior[1]
@@ -152,16 +146,14 @@ def sphere(count: int) -> np.ndarray:
     return np.stack([around * np.cos(angle), around * np.sin(angle), height], axis=1)
 
 
-HEAD = 0.3
-"""[m] From here above the base the floor is looked for."""
-RING = 8
-"""Places around the base's middle where the floor is looked for, besides the middle."""
+HEAD = 0.3  # [m] From here above the base the floor is looked for
+RING = 8  # Places around the base's middle where the floor is looked for, besides the middle
+# Directions in which floor is looked for around a hole, how far from the base's middle, and in which steps [m]
 SIDES, HOLE_REACH, STEP = 16, 1.0, 0.05
-"""Directions in which floor is looked for around a hole, how far from the base's middle, and in which steps [m]."""
-MIN_ENCLOSED = 10
-"""Sides on which floor or something upright must be seen; the others may show nothing."""
+MIN_ENCLOSED = 10  # Sides on which floor or something upright must be seen; the others may show nothing
+# [m] Over a hole that counts as floor nothing is up to here above it: a bed or a couch hides floor, and a table
+# shades it
 HEADROOM = 2.0
-"""[m] Over a hole that counts as floor nothing is up to here above it: a bed or a couch hides floor, and a table shades it."""
 
 
 @dataclass(frozen=True)
@@ -180,19 +172,13 @@ class FloorConfig:
 
 @dataclass(frozen=True)
 class FloorSupport:
-    """The floor below a base.
+    """The floor below a base."""
 
-    Attributes:
-        fraction: of the footprint below which a surface is at the height of its foot, 0 to 1.
-        scanned: that is enough of it.
-        assumed: it is not, but the scan has a mere hole there, which the floor around it closes at the same height.
-        sides: number of the SIDES on which that floor is seen; 0 where it was not looked for.
-    """
-
-    fraction: float
-    scanned: bool
+    fraction: float  # of the footprint below which a surface is at the height of its foot, 0 to 1
+    scanned: bool  # that is enough of it
+    # it is not, but the scan has a mere hole there, which the floor around it closes at the same height
     assumed: bool = False
-    sides: int = 0
+    sides: int = 0  # number of the SIDES on which that floor is seen; 0 where it was not looked for
 
 
 def floor_support(
@@ -252,30 +238,23 @@ def _floor_around(foot: np.ndarray, radius: float, surface: RayMesh | Forest, to
     return bool(gaps.max() < SIDES // 2), len(seen)
 
 
-POINTS = 600
-"""Points of a part whose paths are followed."""
-STEPS = 24
-"""Straight sections of each path: 4 degrees of a quarter turn."""
+POINTS = 600  # Points of a part whose paths are followed
+STEPS = 24  # Straight sections of each path: 4 degrees of a quarter turn
+# [m] Length of path on which touching the rest tells nothing: ragged borders, seals, and the gap around a part
 CONTACT = 0.03
-"""[m] Length of path on which touching the rest tells nothing: ragged borders, seals, and the gap around a part."""
+# Sine of 30 degrees: what meets a face at less slides along its surface; axes are off by a few degrees, faces by 20
 GRAZING = 0.5
-"""Sine of 30 degrees: what meets a face at less slides along its surface; axes are off by a few degrees, faces by 20."""
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """How far a part gets.
+    """How far a part gets."""
 
-    Attributes:
-        blocked: fraction of its points whose path to the open limit runs through the rest of the scan.
-        free: coordinate up to which no more than the tolerated fraction of points is blocked [m] or [rad], not negative.
-        full: coordinate of the open limit, not negative.
-        obstacles: ids of the parts in the way and the fraction of the points that each of them stops, largest first.
-    """
-
-    blocked: float
+    blocked: float  # fraction of its points whose path to the open limit runs through the rest of the scan
+    # coordinate up to which no more than the tolerated fraction of points is blocked [m] or [rad], not negative
     free: float
-    full: float
+    full: float  # coordinate of the open limit, not negative
+    # ids of the parts in the way and the fraction of the points that each of them stops, largest first
     obstacles: tuple[tuple[str, float], ...]
 
 

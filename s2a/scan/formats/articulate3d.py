@@ -24,8 +24,7 @@ from s2a.scene.scene import MAX_MASS, Joint, Scene
 _log = logging.getLogger(__name__)
 
 _KINDS = {"rotation": "revolute", "translation": "prismatic"}
-TYPES = {kind: name for name, kind in _KINDS.items()}
-"""Names in the files of the kinds of joints."""
+TYPES = {kind: name for name, kind in _KINDS.items()}  # Names in the files of the kinds of joints
 _FULL_TURN = 2 * math.pi + 0.01  # [rad]; the slack lets a rounded 6.28319 pass
 _MIN_TURN = math.radians(5.0)  # [rad]; what opens turns by more, which tells 1.57 degrees from 1.57 radians
 _SHORTEST_AXIS = 1e-6  # below this length an axis has no direction worth trusting
@@ -132,17 +131,11 @@ def _angle_units(path: Path, records: Mapping[int, Record]) -> dict[int, float]:
 
 @dataclass(frozen=True)
 class AnnotatedPart:
-    """One annotated part.
+    """One annotated part."""
 
-    Attributes:
-        label: name and index path as annotated ("handle base.1.2.1").
-        faces: indices into the scan's faces, shape [n], int64; may be empty.
-        mass: [kg], or None where it is not annotated.
-    """
-
-    label: str
-    faces: np.ndarray
-    mass: float | None
+    label: str  # name and index path as annotated ("handle base.1.2.1")
+    faces: np.ndarray  # indices into the scan's faces, shape [n], int64; may be empty
+    mass: float | None  # [kg], or None where it is not annotated
 
 
 def read_parts(path: Path, surface: ScanMesh) -> dict[int, AnnotatedPart]:
@@ -213,17 +206,11 @@ def _mass(record: Record) -> float | None:
 
 @dataclass(frozen=True)
 class Overlap:
-    """Faces that two parts list of which neither belongs to the other.
+    """Faces that two parts list of which neither belongs to the other."""
 
-    Attributes:
-        parts: their ids.
-        faces: number of faces that both list.
-        fraction: the same, as a fraction of the smaller part's faces.
-    """
-
-    parts: tuple[str, str]
-    faces: int
-    fraction: float
+    parts: tuple[str, str]  # their ids
+    faces: int  # number of faces that both list
+    fraction: float  # the same, as a fraction of the smaller part's faces
 
 
 def read_overlaps(path: Path) -> list[Overlap]:

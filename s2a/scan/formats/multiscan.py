@@ -28,32 +28,22 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Annotated:
-    """One object or part.
+    """One object or part."""
 
-    Attributes:
-        label: as annotated ("door.10").
-        parent: number of what it belongs to, or None for an object.
-        articulation: how it moves (type, origin, axis, rangeMin, rangeMax), or None.
-    """
-
-    label: str
-    parent: int | None
-    articulation: Record | None
+    label: str  # as annotated ("door.10")
+    parent: int | None  # number of what it belongs to, or None for an object
+    articulation: Record | None  # how it moves (type, origin, axis, rangeMin, rangeMax), or None
 
 
 @dataclass(frozen=True)
 class Annotation:
-    """All objects and parts of a scan.
+    """All objects and parts of a scan."""
 
-    Attributes:
-        items: by number, ascending. An object's number is its objectId (older schema: its place in the file,
-            from 1); a part's is the largest of those plus its partId (older schema: its place among all parts).
-        by_label: number by combined label ("bag.1", "wall_cabinet.1:door.10").
-        by_ids: number by (objectId, partId), partId 0 being the object itself; None in the older schema.
-    """
-
+    # by number, ascending. An object's number is its objectId (older schema: its place in the file, from 1); a
+    # part's is the largest of those plus its partId (older schema: its place among all parts)
     items: dict[int, Annotated]
-    by_label: dict[str, int]
+    by_label: dict[str, int]  # number by combined label ("bag.1", "wall_cabinet.1:door.10")
+    # number by (objectId, partId), partId 0 being the object itself; None in the older schema
     by_ids: dict[tuple[int, int], int] | None
 
 

@@ -19,16 +19,16 @@ _log = logging.getLogger(__name__)
 NAME = "glTF"
 ENDINGS = (".glb", ".gltf")
 INSTANCES, VISIBILITY, DRACO = "EXT_mesh_gpu_instancing", "KHR_node_visibility", "KHR_draco_mesh_compression"
+# Extensions that are read; of others a file may say that it needs them, and is refused then
 READ = {"KHR_mesh_quantization", INSTANCES, VISIBILITY, "KHR_accessor_float64", *gltf_file.READ}
-"""Extensions that are read; of others a file may say that it needs them, and is refused then."""
+# Beginnings of the names of extensions that change neither geometry nor base colour, or move the whole
 HARMLESS = tuple(
     "KHR_materials_ KHR_lights_ KHR_xmp KHR_animation_ KHR_node_ KHR_audio KHR_physics CESIUM_RTC EXT_mesh_features "
     "EXT_structural_metadata EXT_feature_metadata EXT_lights_ EXT_instance_features".split()
 )
-"""Beginnings of the names of extensions that change neither geometry nor base colour, or move the whole."""
 POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6
+# What wrong values in the document raise
 DAMAGE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, MemoryError, RecursionError)
-"""What wrong values in the document raise."""
 
 
 def recognise(path: Path) -> bool:

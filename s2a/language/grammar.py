@@ -33,6 +33,13 @@ NOUNS = {
     "laundry basket": "hamper|laundry hamper", "backpack": "rucksack", "curtain": "drape", "painting": "picture",
 }  # fmt: skip
 """Synonyms and kinds of each noun."""
+COARSE = {
+    "table": "desk|workbench|nightstand|bedside table", "couch": "sofa|armchair", "sofa": "couch|armchair", "bed": "mattress",
+    "storage": "cabinet|cupboard|wardrobe|closet|shelf|bookshelf|bookcase|dresser|sideboard|rack|storage unit",
+    "screen": "monitor|tv|television|display|projector screen", "wall art": "picture|painting|poster|photo|artwork|frame",
+    "door frame": "door|doorway|entrance", "window frame": "window|windowsill", "window": "windowsill", "chair": "armchair|stool",
+}  # fmt: skip
+"""What the labels of captures by a headset or a phone stand for, where no thing has the name itself."""
 AREAS = {
     "kitchen": "stove|oven|refrigerator|fridge|counter|base cabinet|dishwasher|toaster|microwave",
     "bathroom": "toilet|bathtub|shower|washbasin",
@@ -45,6 +52,8 @@ AREAS = {
 
 SIDES = {"left": "left|lefthand", "right": "right|righthand", "back": "back|rear|far", "front": "front|near"}
 END = "at|on|along|near|to|towards the {side} hand|_ end|side|edge|border|corner|half"
+BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
+"""What covers a bed, and carries in its stead."""
 PHRASES: dict[str, tuple[str, ...]] = {
     "seen from": ("be|_ seen|watched by|from", "visible to|for|from", "in full|plain|_ sight|view of|from",
                   "greet|greets|welcome|welcomes", "look|looks|looking at"),
@@ -141,6 +150,20 @@ def names_of(noun: str) -> set[str]:
     forms = {noun, noun.removesuffix("s"), noun.removesuffix("es"), noun.removesuffix("ves") + "f"} - {"", "f"}
     general = {key for key, others in NOUNS.items() if forms & {*others.split("|")}}
     return forms.union(general, *(NOUNS[noun].split("|") for noun in forms & NOUNS.keys()))
+
+
+def coarse_names(noun: str) -> set[str]:
+    """Return the coarse labels that may stand for a noun."""
+    names = names_of(noun)
+    return {label for label, nouns in COARSE.items() if names & {*nouns.split("|")}}
+
+
+def alike(noun: str, kinds: Iterable[str]) -> list[str]:
+    """Return those of some kinds of things that are used as a noun's thing is, or stand in the same area of a home."""
+    names = names_of(noun) | {noun.split()[-1]}
+    groups = [{key, *nouns.split("|")} for key, nouns in (*NOUNS.items(), *COARSE.items(), *AREAS.items())]
+    near = set().union(*(group for group in groups if group & names))
+    return [kind for kind in kinds if is_named(kind, near)]
 
 
 def is_named(label: str, names: Iterable[str]) -> bool:
@@ -338,7 +361,7 @@ class _Parser:
         for first in range(len(words)):
             ending = " ".join(words[first:])
             exact = tuple(i for i, label in self.labels.items() if ending in (i.lower(), label.lower()))
-            if ids := exact or self._ids(names_of(ending)):
+            if ids := exact or self._ids(names_of(ending)) or self._ids(coarse_names(ending)):
                 self.at += len(words)
                 return name, ids
         if (area := area_of(name)) and kind in ("in", "near", "on"):

@@ -30,7 +30,8 @@ from s2a.language.insert.plan import Plan, Size, checked, fit_scale
 from s2a.language.insert.prompts import write_script
 from s2a.language.insert.rules import brands, known, rules, table
 from s2a.language.insert.stable_pose import concavities, cross_sections, settled_axis, tilt_margins
-from s2a.language.insert.wish import parse_hint
+from s2a.language.insert.wish import wished
+from s2a.language.insert.wish_check import read_wish
 from s2a.language.sandbox.diff import Placement
 from s2a.language.sandbox.jail import STAGE
 from s2a.language.sandbox.policy import AllowConfig, check
@@ -479,11 +480,10 @@ def test_the_table_lays_down_what_fell_over_and_looks_elsewhere_for_what_did_not
     ],
 )
 def test_wishes_are_read(wish, near, target):
-    room = scene()
-    supports = describe.survey(room, settings(Path("."), Path("out")).placement.regions)
-    found = parse_hint(wish, describe.describe(room, supports))
-    assert found.near == near
-    assert (found.choices[0]["target"] if found.choices else None) == target
+    room = describe.RoomState(scene(), "", settings(Path("."), Path("out")).placement)
+    places = wished(room, read_wish(wish, room.scene), hangs=False)
+    assert places["near"] == near
+    assert (places["choices"][0]["target"] if places["choices"] else None) == target
 
 
 UNWORDS = ["a\nmug", "mug\x1b[2J", "mug \udce9", "m" * 201, "\u202emug", " "]

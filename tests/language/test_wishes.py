@@ -11,8 +11,7 @@ from rough_furniture import at, block, sheet
 from s2a.core.errors import InputError
 from s2a.language.grammar import parse_wish
 from s2a.language.insert.plan import Choice, Place, Plan
-from s2a.language.insert.wish import parse_hint
-from s2a.language.insert.wish_check import allowed, decline, met, planned_place, read_wish, verdict
+from s2a.language.insert.wish_check import Bodies, Things, allowed, decline, met, planned_place, read_wish, verdict
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh, Part, Scene
 
@@ -246,36 +245,72 @@ def test_left_and_right_change_with_the_side_of_the_room() -> None:
 def test_the_place_of_a_plan_is_searched_for_as_a_wish() -> None:
     choice = Choice("desk_2", "horizontal", "on", 0.74, "there")
     wish = planned_place(Plan("+z", "-y", None, (choice,), (Place("left", ("keyboard_4",)),)))
-    keep = allowed(wish, room(), CUP)
+    keep = allowed(wish, Things(room()), CUP)
     assert keep is not None
     assert keep(np.array([(0.5, 0.2, 0.741), (1.1, 0.2, 0.741)])).tolist() == [True, False]
 
 
 def test_the_height_of_what_hangs_is_that_of_its_middle() -> None:
     choice = Choice("wall_8", "vertical", "hanging", 1.5, "there")
-    keep = allowed(planned_place(Plan("+z", "-y", None, (choice,))), room(), block(0.4, 0.04, 0.6))
+    keep = allowed(planned_place(Plan("+z", "-y", None, (choice,))), Things(room()), block(0.4, 0.04, 0.6))
     assert keep is not None
     # The places are those of the foot; 0.3 m above that is the middle.
     assert keep(np.array([(0.5, 0.6, 1.2), (0.5, 0.6, 1.5)])).tolist() == [True, False]
 
 
 def test_what_is_to_be_under_a_thing_is_searched_for_there() -> None:
-    keep = allowed(read_wish("under the desk", room()), room(), CUP)
+    keep = allowed(read_wish("under the desk", room()), Things(room()), CUP)
     assert keep is not None
     assert keep(np.array([(0.8, 0.3, 0.003), (0.8, -1.0, 0.003)])).tolist() == [True, False]
 
 
 @pytest.mark.parametrize("said", ["on the desk but not near the lamp", "on the desk, far from the lamp"])
 def test_what_is_to_be_away_is_searched_for_away(said: str) -> None:
-    keep = allowed(read_wish(said, room()), room(), CUP)
+    keep = allowed(read_wish(said, room()), Things(room()), CUP)
     assert keep is not None
     assert keep(np.array([(0.35, 0.4, 0.741), (1.2, 0.1, 0.741)])).tolist() == [False, True]
 
 
 def test_a_blanket_carries_for_its_bed() -> None:
-    def line(part_id: str, label: str, x: float) -> dict:
-        top = {"kind": "horizontal", "height": 0.5, "free": 1.0, "circle": 0.9}
-        return {"id": part_id, "label": label, "center": [x, 0, 0.3], "size": [1.4, 2.0, 0.5], "supports": [top]}
+    bed, blanket = at(block(1.4, 2.0, 0.4), 0.0, 0.0, 0.0), at(block(1.4, 2.0, 0.05), 0.0, 0.0, 0.4)
+    scene = Scene("room", {"bed_1": Part("bed", bed), "blanket_2": Part("blanket", blanket)})
+    (relation,) = read_wish("on the bed", scene).relations
+    assert met(scene, at(CUP, 0.0, 0.0, 0.451), relation)
+    assert not met(scene, at(CUP, 0.9, 0.0, 0.451), relation)
 
-    lines = [line("bed_1", "bed", 0.0), line("blanket_2", "blanket", 0.0), line("blanket_3", "blanket", 9.0)]
-    assert [one["target"] for one in parse_hint("in the corner of the bed", lines).choices] == ["bed_1", "blanket_2"]
+
+def test_what_is_under_a_picture_is_at_its_foot() -> None:
+    picture = Part("picture", at(block(0.6, 0.02, 0.4), 1.0, 0.6, 1.4))
+    scene = replace(room(), parts={**room().parts, "picture_9": picture})
+    (relation,) = read_wish("below the picture", scene).relations
+    assert met(scene, at(CUP, 1.0, 0.45, 0.745), relation)
+    assert not met(scene, at(CUP, 1.0, -0.5, 0.003), relation)
+
+
+@pytest.mark.parametrize(
+    "said", ["under the desk", "on the desk, left of the crate", "in the box", "on the top shelf", "by the lamp"]
+)
+def test_a_box_and_the_object_itself_have_the_same_relations(said: str) -> None:
+    things, bodies = Things(room()), np.random.default_rng(0).uniform((-2, -1, 0), (3, 0.6, 0), (300, 3))
+    bodies[:, 2] = np.random.default_rng(1).choice([0.003, 0.745, 0.62, 1.12, 0.015], 300)
+    for relation in read_wish(said, room()).relations:
+        rough = things.met(Bodies.at(bodies, CUP), relation)
+        exact = [things.met(Bodies.of(at(CUP, *place)), relation)[0] for place in bodies]
+        assert (rough == exact).mean() > 0.97
+        assert rough.any()
+
+
+@pytest.mark.parametrize(
+    ("noun", "label"), [("desk", "table"), ("monitor", "screen"), ("door", "door frame"), ("painting", "wall art")]
+)
+def test_the_labels_of_headsets_stand_for_what_they_cover(noun: str, label: str) -> None:
+    assert parse_wish(f"near the {noun}", {"a_1": label}).relations[0].part_ids == (("a_1",),)
+    both = parse_wish(f"near the {noun}", {"a_1": label, "b_2": noun}).relations[0]
+    assert both.part_ids == (("b_2",),)
+
+
+def test_what_is_missing_is_answered_by_what_is_used_alike() -> None:
+    with pytest.raises(
+        InputError, match="no 'monitor' in this room; most alike: office desk, keyboard; there are: office desk"
+    ):
+        decline(read_wish("on the monitor", room()), "w", room(), understood=True)

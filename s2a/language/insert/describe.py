@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import ndimage
 
+from s2a.language.grammar import is_kind_of
 from s2a.language.insert.fit import NoRoom, swept_volumes
 from s2a.language.insert.plan import Plan
+from s2a.language.insert.search import floor_height
 from s2a.language.insert.supports import SurfaceConfig, is_basin, over, target_mesh, target_regions
 from s2a.scene.geometry.mesh_ops import normals
 from s2a.scene.geometry.regions import Region, RegionConfig
-from s2a.scene.scene import Joint, Mesh, Scene
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 from s2a.scene.usd.descriptive import Box, silhouette, upright_box
 
 if TYPE_CHECKING:
@@ -257,6 +260,32 @@ def _rounded(values: Iterable[float]) -> list[float]:
     return [round(float(value), CENTIMETRES) + 0.0 for value in values]
 
 
+NAMELESS = ("unannotated", "object")
+"""Labels that name no kind of thing."""
+HIGH_AS = {"coffee table": (0.35, 0.56), "table": (0.62, 0.8), "counter": (0.84, 1.12)}
+"""Heights of the tops of furniture above the floor [m]."""
+TOP = 0.15
+"""Least area of such a top [m^2]: seats have less, or backs."""
+
+
+def _nameless(scene: Scene, supports: Supports) -> dict[str, Part]:
+    """Return a part for each unlabelled support that is as high as a kind of furniture of which the room has none by name."""
+    parts: dict[str, Part] = {}
+    floor = floor_height(scene)
+    labels = [part.label for part in scene.parts.values()]
+    kinds = {kind: span for kind, span in HIGH_AS.items() if not any(is_kind_of(label, kind) for label in labels)}
+    for target, regions in supports.items():
+        mesh = scene.parts[target].mesh
+        for number, region in enumerate(regions if scene.parts[target].label in NAMELESS else []):
+            kind = next((k for k, (low, high) in kinds.items() if low <= region.height - floor <= high), None)
+            if kind and region.area >= TOP:
+                cells = region.places(mesh.vertices[mesh.faces].mean(axis=1))
+                row, column = np.clip(np.floor(cells[:, :2]).astype(int), 0, np.array(region.support.shape) - 1).T
+                own = region.support[row, column] & (np.abs(cells[:, 2]) < NEAR)
+                parts[f"{target}.{number}"] = Part(kind, Mesh(mesh.vertices, mesh.faces[own]))
+    return parts
+
+
 class RoomState:
     """A room with the objects inserted so far; a copy (`copy.copy`) is independent of the original.
 
@@ -273,12 +302,21 @@ class RoomState:
         self._lines = describe(scene, self._supports)
         self._levels = {part_id: regions for part_id, regions in self._supports.items() if regions}
         self._unseen: list[tuple[Scene, Inserted]] = []
+        self._things: Scene | None = None
 
     @property
     def supports(self) -> Supports:
         """Support regions of the room's parts, with what the inserted objects leave free."""
         self._survey()
         return self._supports
+
+    @property
+    def things(self) -> Scene:
+        """The scene for wishes: unlabelled supports that are as high as a table or a counter are parts of it, by these names."""
+        self._survey()
+        if self._things is None:
+            self._things = replace(self.scene, parts=self.scene.parts | _nameless(self.scene, self._supports))
+        return self._things
 
     @property
     def lines(self) -> list[dict[str, Any]]:
@@ -304,7 +342,7 @@ class RoomState:
         """Add an object; the survey is updated when it is needed next."""
         parts = {**self.scene.parts, inserted.placement.part_id: inserted.part}
         self.scene = Scene(self.scene.name, parts, self.scene.origin)
-        self._unseen = [*self._unseen, (self.scene, inserted)]
+        self._unseen, self._things = [*self._unseen, (self.scene, inserted)], None
 
     def _survey(self) -> None:
         """Update the survey around the last objects."""

@@ -7,7 +7,7 @@ import re
 import textwrap
 import unicodedata
 from collections.abc import Iterator
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -26,7 +26,8 @@ from s2a.language.insert.rules import write_scripts
 from s2a.language.insert.settings import Inserted, InsertSettings, ObjectRequest
 from s2a.language.insert.stability import StabilityCheck, drop_check, stable_pose
 from s2a.language.insert.stable_pose import concavities, cross_sections, tilt_margins
-from s2a.language.insert.wish_check import allowed, decline, objection, planned_place, read_wish, verdict
+from s2a.language.insert.wish import nowhere, wished
+from s2a.language.insert.wish_check import Things, allowed, decline, objection, planned_place, read_wish, verdict
 from s2a.language.sandbox.diff import Placement, check_label
 from s2a.language.sandbox.jail import Sandbox
 from s2a.language.sandbox.operations import PolicyViolation
@@ -178,14 +179,19 @@ class Attempt:
         room, request, settings, record = self._room, self._request, self._settings, self.record
         check_words(request.label, request.hint)
         self._file = read_object(request.file, settings.placement.object)
-        self._wish = read_wish(request.hint, room.scene)
+        self._wish = read_wish(request.hint, room.things)
         if settings.wish == "heed":
-            decline(self._wish, request.hint, room.scene, understood=not settings.by_rules)
+            decline(self._wish, request.hint, room.things, understood=not settings.by_rules)
         with step(record, "describe") as result:
             result |= {"parts": len(room.lines), "tokens": tokens(describe.text(room.lines))}
         with self._sandbox() as sandbox:
             sandbox.check_guarantees()  # before the model is asked: its answers may cost money
         self._facts = _facts(self._file, request, room.lines)
+        if self._wish.relations:
+            self._facts["wished"] = cache(partial(wished, room, self._wish))
+            heeded = settings.wish == "heed" and settings.by_rules and settings.surface == "regions"
+            if heeded and not any(self._facts["wished"](hangs)["choices"] for hangs in (False, True)):
+                raise NoRoom(f"no place for {request.label!r}: {nowhere(room, self._wish)}")
         where = self._ask_plan(None)
         with step(record, "scale") as result:
             self._size = self._ask_size(where)
@@ -198,7 +204,7 @@ class Attempt:
         where, object, scale, candidate = self._place(failed)
         moved = candidate.pose.moved(object)
         if request.hint:
-            record["wish"] = verdict(self._understood(where), request.hint, scene, moved)
+            record["wish"] = verdict(self._understood(where), request.hint, self._room.things, moved)
         model = self._model if settings.script == "model" else write_scripts
         with self._sandbox() as sandbox, step(record, "script") as result:
             prim = placement(scene, request.label, candidate.pose, scale)
@@ -302,6 +308,7 @@ class Attempt:
         room, config, record = self._room, self._settings.placement, self.record
         unstable = False
         keeps: dict[Wish, Keep | None] = {}
+        things = Things(room.things)
 
         def check(candidate: CandidatePose) -> Record:
             nonlocal unstable
@@ -317,9 +324,9 @@ class Attempt:
                 continue  # it would fall over however it is turned
             reasons: list[str] = []
             if wish not in keeps:
-                keeps[wish] = allowed(wish, room.scene, object)
+                keeps[wish] = allowed(wish, things, object)
             poses = candidate_poses(room, object, where, config, pose, reasons, keeps[wish])
-            unheeded = partial(_unheeded, room, object, wish)
+            unheeded = partial(_unheeded, things, object, wish)
             with step(record, "pose") as result:
                 candidate = stable_pose(room, object, poses, check, unheeded, config.pose, reasons)
                 if candidate is not None:
@@ -340,9 +347,9 @@ class Attempt:
                     yield wish, pose
 
 
-def _unheeded(room: RoomState, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:
+def _unheeded(things: Things, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:
     """Return the relation of a hint that a candidate does not have, as a clause; empty if it has all."""
-    return objection(wish, room.scene, candidate.pose.moved(object)) if wish.relations else ""
+    return objection(things, wish, candidate.pose.moved(object)) if wish.relations else ""
 
 
 def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Record:

@@ -416,6 +416,10 @@ def _on_regions(
     regions = _ordered(candidates, choice)
     if not regions:
         raise NoRoom(f"it has no {choice.surface} surface")
+    if keep is not None and not upright:
+        regions = [region for region in regions if keep(region.points(np.argwhere(region.free) + 0.5)).any()]
+        if not regions:
+            raise NoRoom("no free place on it is as wished")
     for region in regions[:TRIED]:
         try:
             if pose.pose == "paper":

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from s2a.language.ask import Answer, Request
-from s2a.language.grammar import is_kind_of
-from s2a.language.insert.plan import FLAT, Range
+from s2a.language.grammar import BEDDING, is_kind_of
+from s2a.language.insert.plan import CHOICES, FLAT, Range
 from s2a.language.insert.prompts import write_script
 from s2a.language.insert.stable_pose import AXES, sideways
-from s2a.language.insert.wish import BEDDING, parse_hint
 
 FOLDER = Path(__file__).parent
 LIKE = 0.86
@@ -201,14 +200,14 @@ def _plan(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
     """Answer the question about the place."""
     up = _up(facts, entry)
     hangs = bool(entry and entry.places[0][0] == "hanging")
-    hint = parse_hint(facts.get("wish") or "", facts["room"], hangs)
-    choices = hint.choices or _choices(facts["room"], entry, _breadth(facts, entry, up))
+    wished = facts["wished"](hangs) if facts.get("wished") else {"choices": [], "near": None}
+    choices = wished["choices"] or _choices(facts["room"], entry, _breadth(facts, entry, up))
     if up == facts.get("tried_up", up):
         choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
     front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
     if choices and choices[0]["relation"] == "hanging":
         up, front = _flat(facts, entry)
-    plan = {"up": up, "front": front, "near": hint.near, "choices": choices[:3]}
+    plan = {"up": up, "front": front, "near": wished["near"], "choices": choices[:CHOICES]}
     if choices:
         return plan
     places = ", ".join(f"{how} {where}" for how, where in (entry.places if entry else map(_place, ANYWHERE)))

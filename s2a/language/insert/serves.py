@@ -18,8 +18,10 @@ from s2a.scene.usd.descriptive import Box, silhouette, upright_box
 OPENS, HIGH, BACKED, LONG, SHOWN, INWARD = 1.5, 1.0, 1.0, 0.5, 2.0, 0.15
 """Weights of what tells the front: what opens there, what is high behind, a wall behind, a long side, the surface, the middle of
 the room."""
-ELONGATED = 2.0
+ELONGATED = 1.6
 """What is longer than this many widths is used from a long side: counters and desks, and not toilets."""
+SEATS = ("sofa", "couch", "armchair", "chair", "bed", "bench", "toilet")
+"""On which one sits, and looks ahead; before all else one sits or stands, and looks around."""
 TOP = 0.75
 """What is above this fraction of the height is high."""
 CLOSE, REACH = 0.1, 0.6
@@ -51,7 +53,8 @@ def front(scene: Scene, part_id: str) -> np.ndarray:
     score = BACKED * (np.roll(closeness, 2) - closeness) + sides @ (INWARD * inward + SHOWN * shown)
     if max(box.size[:2]) > ELONGATED * min(box.size[:2]):
         score[[0, 2] if box.size[0] < box.size[1] else [1, 3]] += LONG
-    score += OPENS * _opening(scene, own, box, sides) - HIGH * np.array([*top, *-top])
+    seat = any(is_kind_of(scene.parts[part_id].label, one) for one in SEATS)  # what is high on a desk stands on it
+    score += OPENS * _opening(scene, own, box, sides) - (HIGH if seat else HIGH / 4) * np.array([*top, *-top])
     return np.asarray(sides[np.argmax(score)])
 
 

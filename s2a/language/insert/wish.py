@@ -1,154 +1,120 @@
-"""Relations of a wish -> places that honour it, without a model."""
+"""Places where a wish holds: every support of the room is looked at, whatever a model or the rules think of."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from s2a.language.grammar import EDGES, Relation, is_kind_of, parse_wish
+from s2a.language.grammar import EDGES, Relation, Wish
+from s2a.language.insert.describe import FOOT, WORTH, RoomState, circle, is_wall
+from s2a.language.insert.supports import is_basin
+from s2a.language.insert.wish_check import Things, allowed
+from s2a.scene.geometry.convex import box
+from s2a.scene.geometry.regions import Region
 
-BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
-"""What covers a bed."""
-Line = dict[str, Any]
 DIRECT = ("on", "in", "against", "top", "bottom", *EDGES, "corner", "middle")
 """Relations to what carries the object."""
 BESIDE = ("near", "left", "right", "front", "behind", "between")
 """Relations to what stands on the same support."""
+SMALL = box(np.array([0.0, 0.0, 0.05]), np.eye(3), np.array([0.04, 0.04, 0.05]))
+"""An object as small as any: where it does not go, nothing does."""
+SAMPLES = 300
+"""Places of a support that are looked at."""
+EYES = (1.1, 1.9)
+"""Heights above the floor at which things hang [m]."""
+SAME = 0.1
+"""What is on the same support stands on it up to this error [m]."""
 
 
-@dataclass(frozen=True)
-class PlacementHint:
-    """What a wish says about the place.
+def wished(room: RoomState, wish: Wish, hangs: bool) -> dict[str, Any]:
+    """Return where a wish holds: choices in the form of a plan's, the supports that it names first, then by area; and near.
 
-    Attributes:
-        near: id of the requested neighbour, or None.
-        choices: places that honour the wish, in the form of a plan; empty if it names no place in the room.
+    `hangs`: True for what hangs on walls where nothing else is said.
     """
-
-    near: str | None
-    choices: list[dict[str, Any]]
-
-
-def parse_hint(hint: str, room: list[Line], hangs: bool = False) -> PlacementHint:
-    """Parse a wish for a room, given by the lines of `s2a.language.insert.describe`; `hangs` is set for what usually hangs."""
-    relations = [
-        one for one in parse_wish(hint, {line["id"]: line["label"] for line in room}).relations if not one.negated
-    ]
-    lines = {line["id"]: line for line in room}
-    beside = [one for one in relations if one.kind in (*BESIDE, "above", "below")]
-    near = beside[0].part_ids[0][0] if beside else None
-    choices: list[dict[str, Any]] = []
-    for relation in sorted(relations, key=lambda one: (one.kind != "wall", one.kind not in DIRECT)):
-        choices = choices or _choices(relation, lines, hangs)
-    return PlacementHint(near, choices[:3])
+    kinds = {one.kind for one in wish.relations if not one.negated}
+    things, upright = Things(room.things), bool(kinds & {"wall", "height"} or (hangs and not kinds & {*DIRECT}))
+    keep = allowed(wish, things, SMALL)
+    options: list[tuple[tuple[float, ...], dict[str, Any]]] = []
+    for target, points, region in _walls(room, things) if upright else _levels(room):
+        share = 0.0 if keep is None else float(keep(points).mean())
+        if share > 0.0:
+            area = share * (region.free_area if region else len(points))
+            options.append((_rank(wish, things, target, region, area), _choice(wish, target, region)))
+    choices = [choice for _, choice in sorted(options, key=lambda one: one[0])]
+    return {"choices": choices, "near": _neighbour(room, wish, choices[0]["target"]) if choices else None}
 
 
-def _choices(relation: Relation, lines: dict[str, Line], hangs: bool) -> list[dict[str, Any]]:
-    """Return the choices for one relation, one part that it may mean after the other."""
-    if relation.kind == "wall" or (relation.kind in ("above", "near", "left", "right", "height") and hangs):
-        walls = [line for line in lines.values() if line["label"].lower().endswith("wall")]
-        named = {part_id for ids in relation.part_ids for part_id in ids}
-        if relation.kind != "wall" and named:
-            walls.sort(key=lambda wall: min(_apart(wall, lines[part_id]) for part_id in named))
-        elif named:
-            walls = [wall for wall in walls if wall["id"] in named]
-        hanging = {"surface": "vertical", "relation": "hanging", "height": None, "reason": "as wished"}
-        return [{"target": wall["id"], **hanging} for wall in walls]
-    choices: list[dict[str, Any]] = []
-    for part_id in relation.part_ids[0] if relation.part_ids else ():
-        line = lines.get(part_id)
-        if line is None:
-            continue
-        if relation.kind in DIRECT:
-            choices += [one for part in (line, *_covers(line, lines)) for one in _places(part, relation.kind)]
-        elif relation.kind in BESIDE:
-            choices += _places(_below(line, lines), "on")
-        elif relation.kind == "seen from":
-            choices += [one for other in _around(line, lines) for one in _places(other, "on")[:1]]
-        elif relation.kind == "above":
-            choices += [one for other in lines.values() if _over(other, line) for one in _places(other, "on")]
-        elif relation.kind in ("below", "opposite", "area"):
-            stands = [_below(line, lines)] if relation.kind == "below" else _around(line, lines)[:2]
-            choices += [one for other in stands for one in _places(other, "on")]
-    return choices
+def nowhere(room: RoomState, wish: Wish) -> str:
+    """Return why a wish holds nowhere, as a clause: by the relations that no support has, else by all together."""
+    alone: list[Relation] = [one for one in wish.relations if not wished(room, Wish((one,)), hangs=False)["choices"]]
+    words = " and ".join(repr(one.words) for one in (alone or wish.relations))
+    return f"nothing in this room that carries things is {words}"
 
 
-def _around(line: Line, lines: dict[str, Line]) -> list[Line]:
-    """Return what carries things near a thing, the nearest first; not the floor."""
-    others = [o for o in lines.values() if "supports" in o and o["id"] != line["id"] and o["label"] != "floor"]
-    return sorted(others, key=lambda other: _apart(other, line))
+def _neighbour(room: RoomState, wish: Wish, target: str) -> str | None:
+    """Return what an object is to be beside: of the things that the wish may mean the one nearest to the support."""
+    beside = [one for one in wish.relations if one.kind in (*BESIDE, "above", "below") and not one.negated]
+    parts = room.things.parts
+    middle = parts[target].mesh.bounds.mean(axis=0)
+    ids = beside[0].part_ids[0] if beside else ()
+    return min(ids, key=lambda i: float(np.linalg.norm(parts[i].mesh.bounds.mean(axis=0) - middle)), default=None)
 
 
-def _below(line: Line, lines: dict[str, Line]) -> Line:
-    """Return the line of what a thing stands on: the floor, if that is not known, or what it is a part of."""
-    if line.get("on") in lines:
-        return lines[line["on"]]
-    if line.get("part_of") in lines and "supports" in lines[line["part_of"]]:
-        return lines[line["part_of"]]
-    around = [other for other in lines.values() if _holds(other, line)]
-    if around:
-        return min(around, key=lambda other: (_apart(other, line), other["size"][0] * other["size"][1]))
-    return next((other for other in lines.values() if other["label"] == "floor"), line)
+def _levels(room: RoomState) -> Iterator[tuple[str, np.ndarray, Region | None]]:
+    """Yield the level supports that carry something, with their free places [m], [place 3]."""
+    for target, regions in room.supports.items():
+        for region in regions:
+            if region.free_area >= WORTH and circle(region) >= FOOT:
+                yield target, _some(region.points(np.argwhere(region.free) + 0.5)), region
 
 
-def _covers(line: Line, lines: dict[str, Line]) -> list[Line]:
-    """Return what covers a part and carries things in its stead: the blanket of a bed."""
-    if not is_kind_of(line["label"], "bed"):
-        return []
-    bedding = [other for other in lines.values() if other["label"].lower() in BEDDING and "supports" in other]
-    return [other for other in bedding if other.get("on") == line["id"] or _apart(other, line) == 0.0]
+def _walls(room: RoomState, things: Things) -> Iterator[tuple[str, np.ndarray, Region | None]]:
+    """Yield the walls, with places on them."""
+    for target, part in room.scene.parts.items():
+        height = part.mesh.vertices[:, 2] - things.floor
+        points = part.mesh.vertices[(height > EYES[0]) & (height < EYES[1])]
+        if is_wall(part.label) and len(points):
+            yield target, _some(points), None
 
 
-def _holds(line: Line, thing: Line) -> bool:
-    """Return True if a thing is let into a part or in a row with it: a sink and its counter. Boxes may be turned."""
-    if (
-        line["id"] == thing["id"]
-        or line["label"] == "floor"
-        or not ("supports" in line and "size" in line and "size" in thing)
-    ):
-        return False
-    top = thing["center"][2] + thing["size"][2] / 2
-    near = min(abs(s["height"] - top) for s in line["supports"])
-    return bool(_apart(line, thing) < 0.05 and near < 0.3 and top > 0.3)
+def _some(points: np.ndarray) -> np.ndarray:
+    return points[:: max(1, len(points) // SAMPLES)].astype(float)
 
 
-def _places(line: Line, kind: str) -> list[dict[str, Any]]:
-    """Return the choices that a part offers, those of the wished kind alone, the most free area first."""
-    supports = list(line.get("supports", []))
-    if kind == "in":
-        supports = [s for s in supports if s["kind"] != "horizontal"] or supports
-    elif kind in ("top", "bottom"):
-        supports.sort(key=lambda s: s["height"], reverse=kind == "top")
-    else:
-        supports = [s for s in supports if s["kind"] == "horizontal"] or supports
-    how = kind if kind in ("in", "against") else "on"
-    return [
-        {
-            "target": line["id"],
-            "surface": "inside" if s["kind"] == "inside" else "horizontal",
-            "relation": "in" if s["kind"] == "inside" and how == "on" else how,
-            "height": s["height"],
-            "reason": "as wished",
-        }
-        for s in supports[:3]
-    ]
+def _rank(wish: Wish, things: Things, target: str, region: Region | None, area: float) -> tuple[float, ...]:
+    """Return what a support is sorted by, the best first."""
+    kinds = {one.kind for one in wish.relations if not one.negated}
+    named = any(_is_of(target, ids) for one in wish.relations if one.kind in DIRECT for ids in one.part_ids)
+    if region is None:
+        return (not named, -area)
+    carries = "in" in kinds and not (region.kind == "inside" or is_basin(region))
+    level = next((region.height * sign for kind, sign in (("top", -1), ("bottom", 1)) if kind in kinds), 0.0)
+    beside = [one for one in wish.relations if one.kind in BESIDE and not one.negated]
+    apart = sum(not any(_level_with(things, i, region) for i in one.part_ids[0]) for one in beside)
+    label = things.scene.parts[target].label
+    rest = label == "unannotated" or (label == "floor" and not kinds & {*BESIDE, "below"})
+    return (not named, carries, level, apart, rest, -area)
 
 
-def _over(line: Line, thing: Line) -> bool:
-    """Return True if a part carries things over another one."""
-    if "supports" not in line or "size" not in thing or "size" not in line:
-        return False
-    off = np.abs(np.array(line["center"]) - thing["center"])[:2]
-    reach = (np.array(line["size"]) + thing["size"])[:2] / 2
-    top = thing["center"][2] + thing["size"][2] / 2
-    return bool((off < reach).all() and max(s["height"] for s in line["supports"]) >= top - 0.01)
+def _is_of(target: str, ids: tuple[str, ...]) -> bool:
+    """Return True if a part, or an unlabelled support of it, is one of some things."""
+    return any(target == i or i.startswith(f"{target}.") for i in ids)
 
 
-def _apart(line: Line, thing: Line) -> float:
-    """Return the horizontal distance of the boxes of two parts [m]; 0 where it is not known."""
-    if "size" not in line or "size" not in thing:
-        return 0.0
-    off = np.abs(np.array(line["center"]) - thing["center"])[:2]
-    return float(np.linalg.norm(np.maximum(off - (np.array(line["size"]) + thing["size"])[:2] / 2, 0.0)))
+def _level_with(things: Things, part_id: str, region: Region) -> bool:
+    """Return True if a thing may stand on a support, or be let into it."""
+    low, high = things.mesh(part_id).bounds[:, 2]
+    return bool(low - SAME <= region.height <= high + SAME)
+
+
+def _choice(wish: Wish, target: str, region: Region | None) -> dict[str, Any]:
+    """Return a support as a choice of a plan."""
+    choice = {"target": target, "reason": "as wished"}
+    if region is None:
+        return choice | {"surface": "vertical", "relation": "hanging", "height": None}
+    own = [one.kind for one in wish.relations if any(_is_of(target, ids) for ids in one.part_ids)]
+    relation = "against" if "against" in own else "in" if "in" in own or region.kind == "inside" else "on"
+    surface = "inside" if region.kind == "inside" else "horizontal"
+    return choice | {"surface": surface, "relation": relation, "height": round(region.height, 2) + 0.0}

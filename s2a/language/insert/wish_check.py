@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from s2a.core.config import nearest
 from s2a.core.errors import InputError
-from s2a.language.grammar import EDGES, Relation, Wish, is_kind_of, landmarks, parse_wish
+from s2a.language.grammar import BEDDING, EDGES, Relation, Wish, alike, is_kind_of, landmarks, parse_wish
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
-from s2a.language.insert.serves import front, visible_from
-from s2a.language.insert.supports import target_mesh
-from s2a.scene.geometry.convex import box
+from s2a.language.insert.serves import SEATS, front, visible_fraction, visible_from
+from s2a.language.insert.supports import nearby, target_mesh
 from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.usd.descriptive import silhouette
@@ -30,54 +28,219 @@ CONTACT = 0.03
 """Largest gap to what carries a thing [m]: the noise of a scan."""
 OFF_HEIGHT = 0.1
 """Largest error of a height on a wall [m]."""
+FOOT, HUNG = 0.35, 0.4
+"""Largest distance from the foot of what hangs on a wall, and least height of its underside above the floor [m]."""
 SEEN = 0.5
 """Least visible fraction of what is seen from somewhere."""
-SEATS = ("sofa", "armchair", "chair", "bed", "bench", "toilet")
-"""On which one sits, and looks ahead; before all else one sits or stands, and looks around."""
 SITTING, STANDING, BEFORE = 1.15, 1.55, 0.4
 """Heights of the eyes of who sits and of who stands, and how far before a thing [m]."""
 AROUND = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(8) * np.pi / 4])
+THIRDS = np.array([(x, y) for x in (0.2, 0.5, 0.8) for y in (0.2, 0.5, 0.8)])
+"""Places in a rectangle, as fractions of its sides."""
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """Boxes in the room that stand for places of one object, or the one object itself.
+
+    Attributes:
+        low, high: lowest and highest corners [m], shape [body 3] each.
+        mesh: the object in its place; None where only boxes are known.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    mesh: Mesh | None = None
+
+    @staticmethod
+    def of(object: Mesh) -> Bodies:
+        """Return an object in its place."""
+        return Bodies(*object.bounds[:, None].astype(float), object)
+
+    @staticmethod
+    def at(places: np.ndarray, object: Mesh) -> Bodies:
+        """Return an upright object's boxes at places of its foot's middle [m], shape [place 3]."""
+        sides = np.ptp(object.bounds, axis=0).astype(float)
+        half = np.array([min(sides[:2]) / 2] * 2 + [0.0])
+        return Bodies(places - half, places + half + (0.0, 0.0, sides[2]))
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Middles [m], shape [body 3]."""
+        return (self.low + self.high) / 2
+
+    def along(self, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least and largest coordinates on two level axes, the columns of [2 2]; shape [body 2] each."""
+        if self.mesh is not None:
+            own = self.mesh.vertices[:, :2] @ axes
+            return own.min(axis=0)[None], own.max(axis=0)[None]
+        middle, half = self.middle[:, :2] @ axes, (self.high - self.low)[:, :2] / 2
+        return middle - half, middle + half
+
+    def feet(self) -> np.ndarray:
+        """Return points of the undersides [m], shape [body point 3]."""
+        if self.mesh is None:
+            places = self.low[:, None, :2] + THIRDS * (self.high - self.low)[:, None, :2]
+            return np.concatenate([places, np.broadcast_to(self.low[:, None, 2:], (len(self.low), 9, 1))], axis=2)
+        height = self.mesh.vertices[:, 2] - self.low[0, 2]
+        foot = self.mesh.vertices[height < 0.01 + 0.02 * height.max()].astype(float)
+        foot = foot[:: max(1, len(foot) // 200)]
+        middle = np.append(foot[:, :2].mean(axis=0), self.low[0, 2])
+        return np.concatenate([foot, (foot + middle) / 2, middle[None]])[None]
+
+
+class Things:
+    """Relations of bodies to the things of a room; what is derived from a thing is kept for the next question."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Begin; `scene` does not change."""
+        self.scene, self.floor = scene, floor_height(scene)
+        self._meshes: dict[str, Mesh] = {}
+        self._trees: dict[tuple[str, int], cKDTree] = {}
+        self._viewers: dict[str, np.ndarray] = {}
+        self._outlines: dict[str, np.ndarray] = {}
+
+    def met(self, bodies: Bodies, relation: Relation) -> np.ndarray:
+        """Return which bodies have a relation to one of the things that it may mean, shape [body]."""
+        if relation.kind == "height":
+            middle = bodies.middle[:, 2] - self.floor
+            return np.asarray(np.abs(middle - float(relation.height or 0.0)) <= OFF_HEIGHT)
+        if relation.kind == "area":
+            return np.asarray(self._in_area(bodies, relation.part_ids[0]) != relation.negated)
+        holds = np.zeros(len(bodies.low), bool)
+        for ids in product(*relation.part_ids):
+            holds |= self._holds(bodies, relation.kind, ids)
+        return np.asarray(holds != relation.negated)
+
+    def mesh(self, part_id: str) -> Mesh:
+        """Return the surface of a part and its descendants."""
+        if part_id not in self._meshes:
+            self._meshes[part_id] = target_mesh(self.scene, part_id)
+        return self._meshes[part_id]
+
+    def _holds(self, bodies: Bodies, kind: str, ids: Sequence[str]) -> np.ndarray:
+        mesh = self.mesh(ids[0])
+        if kind == "between":
+            return self._between(bodies, *ids)
+        if kind in ("near", "away"):
+            gap = self._gap(bodies, ids[0])
+            return np.asarray(gap <= BESIDE if kind == "near" else gap >= FAR)
+        if kind == "on":
+            return self._carried(bodies, ids[0])
+        if kind == "in":
+            return _within(bodies, mesh)
+        if kind in ("wall", "against"):
+            touches = self._gap(bodies, ids[0]) <= (2 * CONTACT if bodies.mesh or kind == "wall" else 10 * CONTACT)
+            return np.asarray(touches & ((kind == "against") | (bodies.low[:, 2] > self.floor + 0.2)))
+        if kind == "below" and self._hung(ids[0]):
+            aside = self._tree(ids[0], 2).query(bodies.middle[:, :2])[0]
+            return np.asarray((bodies.high[:, 2] <= mesh.bounds[0, 2] + 0.02) & (aside <= FOOT))
+        if kind == "seen from":
+            return self._seen_from(bodies, ids[0])
+        if kind in ("top", "bottom"):
+            return self._carried(bodies, ids[0]) & _extreme(bodies, mesh, kind == "top")
+        if kind == "opposite":
+            return self._opposite(bodies, ids[0])
+        holds = placed(self._viewer(ids[0]), bodies, self._outline(ids[0]), mesh.bounds[:, 2], kind)
+        return holds & _covered(bodies, mesh) if kind == "below" else holds
+
+    def _viewer(self, part_id: str) -> np.ndarray:
+        if part_id not in self._viewers:
+            self._viewers[part_id] = viewer(self.scene, part_id)
+        return self._viewers[part_id]
+
+    def _outline(self, part_id: str) -> np.ndarray:
+        """Return the points of a thing that bound it from all sides [m], shape [point 3]; not all are gone through each time."""
+        if part_id not in self._outlines:
+            self._outlines[part_id] = silhouette(self.mesh(part_id).vertices)
+        return self._outlines[part_id]
+
+    def _tree(self, part_id: str, axes: int) -> cKDTree:
+        """Return a tree of the corners and middles of a thing's triangles, in the plane or in space."""
+        if (part_id, axes) not in self._trees:
+            mesh = self.mesh(part_id)
+            points = np.concatenate([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
+            self._trees[part_id, axes] = cKDTree(points[:, :axes])
+        return self._trees[part_id, axes]
+
+    def _gap(self, bodies: Bodies, part_id: str) -> np.ndarray:
+        """Return the distances to a thing's surface [m], up to the spacing of its points, shape [body]."""
+        apart = _box_gap(bodies, self.mesh(part_id))
+        tree = self._tree(part_id, 3)
+        if bodies.mesh is not None:
+            own = bodies.mesh
+            points = np.concatenate([own.vertices, own.vertices[own.faces].mean(axis=1)])
+            return np.maximum(apart, np.minimum(tree.query(points)[0].min(), apart + 0.02))
+        nearest = tree.data[tree.query(bodies.middle)[1]]
+        return np.maximum(
+            apart, np.linalg.norm(np.maximum(bodies.low - nearest, 0) + np.maximum(nearest - bodies.high, 0), axis=1)
+        )
+
+    def _carried(self, bodies: Bodies, part_id: str) -> np.ndarray:
+        """Return which bodies a thing is right below, or what covers it: rays from their undersides meet it."""
+        covers = [part_id] if not is_kind_of(self.scene.parts[part_id].label, "bed") else [
+            part_id, *(i for i, part in self.scene.parts.items() if part.label.lower() in BEDDING and len(part.mesh.faces))
+        ]  # fmt: skip
+        return np.logical_or.reduce([_rests(bodies, self.mesh(i)) for i in covers])
+
+    def _hung(self, part_id: str) -> bool:
+        """Return True for what hangs on a wall: it is thin, and its underside is high."""
+        outline = self._outline(part_id)
+        axes = np.array([(np.cos(a), np.sin(a)) for a in np.arange(18) * np.pi / 18]).T
+        return bool(np.ptp(outline[:, :2] @ axes, axis=0).min() < HUNG and outline[:, 2].min() > self.floor + HUNG)
+
+    def _opposite(self, bodies: Bodies, part_id: str) -> np.ndarray:
+        """Return which bodies are before a thing, at a distance, and within its width or near that."""
+        axes = _axes(self._viewer(part_id))
+        own, its = bodies.middle[:, :2] @ axes, self._outline(part_id)[:, :2] @ axes
+        low, high = its.min(axis=0), its.max(axis=0)
+        return np.asarray((own[:, 1] >= high[1] + FAR) & (low[0] - 0.3 <= own[:, 0]) & (own[:, 0] <= high[0] + 0.3))
+
+    def _in_area(self, bodies: Bodies, own: Sequence[str]) -> np.ndarray:
+        """Return which bodies are near an area's own things, or have no thing of another area nearer."""
+        marks = landmarks({i: part.label for i, part in self.scene.parts.items() if len(part.mesh.faces)})
+        own_gap = np.min([_box_gap(bodies, self.mesh(i)) for i in own], axis=0)
+        others = [_box_gap(bodies, self.mesh(i)) for i in marks if i not in own]
+        return np.asarray((own_gap <= AREA) | (own_gap <= np.min(others, axis=0, initial=np.inf)))
+
+    def _between(self, bodies: Bodies, one: str, other: str) -> np.ndarray:
+        """Return which bodies' middles are between two things and not beside the line from one to the other."""
+        if one == other:
+            return np.zeros(len(bodies.low), bool)
+        a, b = (self.mesh(i).bounds.mean(axis=0)[:2].astype(float) for i in (one, other))
+        line, off = b - a, bodies.middle[:, :2] - a
+        length = max(float(np.linalg.norm(line)), 1e-6)
+        across = np.array([-line[1], line[0]]) / length
+        along, aside = off @ line / length, np.abs(off @ across)
+        half = max(float(np.ptp(self._outline(i)[:, :2] @ across)) / 2 for i in (one, other))
+        return np.asarray((0.1 * length < along) & (along < 0.9 * length) & (aside <= max(half, 0.15)))
+
+    def _seen_from(self, bodies: Bodies, part_id: str) -> np.ndarray:
+        """Return which bodies who uses a thing sees: over a seat, and ahead of it; else before the thing; of a box its top."""
+        toward, mesh = self._viewer(part_id), self.mesh(part_id)
+        axes = np.array([toward, (-toward[1], toward[0])])
+        seat = any(is_kind_of(self.scene.parts[part_id].label, one) for one in SEATS)
+        low, high = (mesh.vertices[:, :2] @ axes.T).min(axis=0), (mesh.vertices[:, :2] @ axes.T).max(axis=0)
+        along = (low[0] + high[0]) / 2 if seat else high[0] + BEFORE
+        height = self.floor + (SITTING if mesh.bounds[1, 2] < self.floor + SITTING else STANDING)
+        aside = low[1] + np.array([0.25, 0.5, 0.75]) * (high[1] - low[1])
+        eyes = np.array([[*(axes.T @ (along, a)), height] for a in aside])
+        ahead = (bodies.middle[:, :2] @ toward > along) | (not seat)
+        if bodies.mesh is not None:
+            return np.asarray(ahead & (visible_from(self.scene, bodies.mesh, eyes).max() >= SEEN))
+        tops = np.column_stack([bodies.middle[:, :2], bodies.high[:, 2]])
+        around = nearby(
+            self.scene, np.minimum(tops.min(axis=0), eyes.min(axis=0)), np.maximum(tops.max(axis=0), eyes.max(axis=0))
+        )
+        return np.asarray(
+            ahead & np.any([visible_fraction(around, tops[i : i + 1], eyes) for i in range(len(tops))], axis=1)
+        )
 
 
 def met(scene: Scene, object: Mesh, relation: Relation) -> bool:
-    """Return True if an object in its place has a relation to one of the things that it may mean.
-
-    `object`: in the scene [m].
-    """
-    if relation.kind == "height":
-        middle = float(object.bounds[:, 2].mean()) - floor_height(scene)
-        return abs(middle - float(relation.height or 0.0)) <= OFF_HEIGHT
-    if relation.kind == "area":
-        boxes = {i: target_mesh(scene, i) for i in {*relation.part_ids[0], *_landmarks(scene)}}
-        return _in_area(object, relation.part_ids[0], boxes) != relation.negated
-    holds = any(_holds(scene, object, relation.kind, list(ids)) for ids in product(*relation.part_ids))
-    return holds != relation.negated
-
-
-def _holds(scene: Scene, object: Mesh, kind: str, ids: list[str]) -> bool:
-    meshes = [target_mesh(scene, part_id) for part_id in ids]
-    if kind == "between":
-        return len(meshes) == 2 and ids[0] != ids[1] and between(object, *meshes)
-    if kind in ("near", "away"):
-        gap = _gap(object, meshes[0])
-        return gap <= BESIDE if kind == "near" else gap >= FAR
-    if kind == "on":
-        return _carried(object, meshes[0])
-    if kind == "in":
-        return _within(object, meshes[0])
-    if kind == "wall":
-        return _gap(object, meshes[0]) <= 2 * CONTACT and object.bounds[0, 2] > floor_height(scene) + 0.2
-    if kind == "against":
-        return _gap(object, meshes[0]) <= 2 * CONTACT
-    if kind == "opposite":
-        return _opposite(viewer(scene, ids[0]), object, meshes[0])
-    if kind == "below" and not _covered(object, meshes[0]):
-        return False
-    if kind == "seen from":
-        return _seen_from(scene, object, ids[0], meshes[0])
-    if kind in ("top", "bottom"):
-        return _carried(object, meshes[0]) and _extreme(object, meshes[0], kind == "top")
-    return placed(viewer(scene, ids[0]), object, meshes[0], kind)
+    """Return True if an object in its place [m] has a relation to one of the things that it may mean."""
+    return bool(Things(scene).met(Bodies.of(object), relation)[0])
 
 
 def viewer(scene: Scene, part_id: str) -> np.ndarray:
@@ -85,94 +248,56 @@ def viewer(scene: Scene, part_id: str) -> np.ndarray:
     return front(scene, _carrier(scene, part_id))
 
 
-def placed(toward: np.ndarray, object: Mesh, mesh: Mesh, kind: str) -> bool:
-    """Return True if an object is left of, above ... a thing, as seen by somebody in a direction [2] from it."""
-    axes = np.stack([(-toward[1], toward[0]), toward], axis=1)  # to the right, and towards the viewer
-    own, its = object.vertices[:, :2] @ axes, mesh.vertices[:, :2] @ axes
-    first, last, low, high = own.min(axis=0), own.max(axis=0), its.min(axis=0), its.max(axis=0)
+def _axes(toward: np.ndarray) -> np.ndarray:
+    """Return the level axes of who stands in a direction [2] from a thing, as columns: to the right, and towards him."""
+    return np.stack([(-toward[1], toward[0]), toward], axis=1)
+
+
+def placed(toward: np.ndarray, bodies: Bodies, outline: np.ndarray, heights: np.ndarray, kind: str) -> np.ndarray:
+    """Return which bodies are left of, above ... a thing, as seen by somebody in a direction [2] from it, shape [body].
+
+    The thing is given by its outline [point 3] and its least and largest height [m].
+    """
+    axes = _axes(toward)
+    (first, last), its = bodies.along(axes), outline[:, :2] @ axes
+    low, high = its.min(axis=0), its.max(axis=0)
     size = np.maximum(high - low, 1e-6)
     apart = np.maximum(np.maximum(first - high, low - last), 0.0)
     fraction = ((first + last) / 2 - low) / size
     if kind in ("left", "right", "front", "behind"):
         axis, reach = (0, (0.7, 0.3)) if kind in ("left", "right") else (1, (0.1, 0.7))
-        beyond = (low - last if kind in ("left", "behind") else first - high)[axis]
-        return bool(beyond >= -0.25 * (last - first)[axis] and (apart <= reach).all())
-    (bottom, upper), top = object.bounds[:, 2], float(mesh.bounds[1, 2])
+        beyond = (low - last if kind in ("left", "behind") else first - high)[:, axis]
+        return np.asarray((beyond >= -0.25 * (last - first)[:, axis]) & (apart <= reach).all(axis=1))
     if kind == "above":
-        return bool(bottom >= top - 0.01 and (apart <= (0.0, 0.3)).all())
+        return np.asarray((bodies.low[:, 2] >= heights[1] - 0.01) & (apart <= (0.0, 0.3)).all(axis=1))
     if kind == "below":
-        return bool(upper <= top + 0.01 and (0.0 <= fraction).all() and (fraction <= 1.0).all())
-    if not ((fraction >= -0.05).all() and (fraction <= 1.05).all()):
-        return False
+        return np.asarray(
+            (bodies.high[:, 2] <= heights[1] + 0.01) & ((fraction >= 0.0) & (fraction <= 1.0)).all(axis=1)
+        )
+    within = ((fraction >= -0.05) & (fraction <= 1.05)).all(axis=1)
     if kind in EDGES:
         axis = 0 if kind in ("left edge", "right edge") else 1
-        from_low, from_high = (first - low)[axis], (high - last)[axis]
         lower = kind in ("left edge", "back edge")
-        in_third = fraction[axis] <= 0.35 if lower else fraction[axis] >= 0.65
-        return bool(in_third or (from_low if lower else from_high) <= 0.1)
+        in_third = fraction[:, axis] <= 0.35 if lower else fraction[:, axis] >= 0.65
+        return np.asarray(within & (in_third | ((first - low if lower else high - last)[:, axis] <= 0.1)))
     if kind == "corner":
-        return bool((np.minimum(first - low, high - last) <= np.maximum(0.15 * size, 0.1)).all())
-    return bool((np.abs(fraction - 0.5) <= np.maximum(0.17, 0.1 / size)).all())
+        return np.asarray(within & (np.minimum(first - low, high - last) <= np.maximum(0.15 * size, 0.1)).all(axis=1))
+    return np.asarray(within & (np.abs(fraction - 0.5) <= np.maximum(0.17, 0.1 / size)).all(axis=1))
 
 
-def _opposite(toward: np.ndarray, object: Mesh, mesh: Mesh) -> bool:
-    """Return True if an object is before a thing that faces a direction [2], at a distance, and within its width or near that."""
-    axes = np.stack([(-toward[1], toward[0]), toward], axis=1)
-    own, its = object.bounds.mean(axis=0)[:2] @ axes, mesh.vertices[:, :2] @ axes
-    low, high = its.min(axis=0), its.max(axis=0)
-    return bool(own[1] >= high[1] + FAR and low[0] - 0.3 <= own[0] <= high[0] + 0.3)
-
-
-def _landmarks(scene: Scene) -> tuple[str, ...]:
-    return landmarks({i: part.label for i, part in scene.parts.items() if len(part.mesh.faces)})
-
-
-def _in_area(object: Mesh, own: Sequence[str], meshes: Mapping[str, Mesh]) -> bool:
-    """Return True if an object is near an area's own things, or no thing of another area is nearer."""
-    nearest_own = min(_box_gap(object, meshes[i]) for i in own)
-    return nearest_own <= AREA or all(
-        _box_gap(object, mesh) >= nearest_own for i, mesh in meshes.items() if i not in own
+def _covered(bodies: Bodies, mesh: Mesh) -> np.ndarray:
+    """Return which bodies a thing is over, seen along rays upwards."""
+    places = bodies.low[:, None, :2] + THIRDS * (bodies.high - bodies.low)[:, None, :2]
+    start = np.concatenate([places, np.broadcast_to(bodies.high[:, None, 2:], (len(places), 9, 1))], axis=2)
+    return (
+        _meets(mesh, start, UP, max(float(mesh.bounds[1, 2] - bodies.high[:, 2].min()), 0.0) + 0.01).mean(axis=1) > 0.5
     )
 
 
-def _covered(object: Mesh, mesh: Mesh) -> bool:
-    """Return True if a thing is over most of an object, seen along rays upwards."""
-    low, high = object.bounds.astype(float)
-    grid = np.array([(x, y) for x in (0.2, 0.5, 0.8) for y in (0.2, 0.5, 0.8)])
-    start = np.column_stack([low[:2] + grid * (high - low)[:2], np.full(9, high[2])])
-    reach = float(mesh.bounds[1, 2]) - high[2] + 0.01
-    if reach <= 0.01:
-        return False
-    seen, _ = visible_distance(kept_ray_mesh(mesh), start, np.array([0.0, 0.0, 1.0]), reach)
-    return bool((seen < 0.999 * reach).mean() > 0.5)
-
-
-def between(object: Mesh, one: Mesh, other: Mesh) -> bool:
-    """Return True if an object's middle is between two things and not beside the line from one to the other."""
-    a, b, c = (mesh.bounds.mean(axis=0)[:2].astype(float) for mesh in (one, other, object))
-    line = b - a
-    length = float(np.linalg.norm(line))
-    if length < 1e-6:
-        return False
-    along = float((c - a) @ line) / length
-    aside = abs(float(np.cross(np.append(line, 0.0), np.append(c - a, 0.0))[2])) / length
-    across = np.array([-line[1], line[0]]) / length
-    half = max(float(np.ptp(mesh.vertices[:, :2] @ across)) / 2 for mesh in (one, other))
-    return bool(0.1 * length < along < 0.9 * length and aside <= max(half, 0.15))
-
-
-def _seen_from(scene: Scene, object: Mesh, part_id: str, mesh: Mesh) -> bool:
-    """Return True if who uses a thing sees most of an object: over a seat, and ahead of it; else before the thing."""
-    toward, floor = viewer(scene, part_id), floor_height(scene)
-    axes = np.array([toward, (-toward[1], toward[0])])
-    seat = any(is_kind_of(scene.parts[part_id].label, one) for one in SEATS)
-    low, high = (mesh.vertices[:, :2] @ axes.T).min(axis=0), (mesh.vertices[:, :2] @ axes.T).max(axis=0)
-    along = (low[0] + high[0]) / 2 if seat else high[0] + BEFORE
-    height = floor + (SITTING if mesh.bounds[1, 2] < floor + SITTING else STANDING)
-    aside = low[1] + np.array([0.25, 0.5, 0.75]) * (high[1] - low[1])
-    eyes = np.array([[*(axes.T @ (along, a)), height] for a in aside])
-    ahead = float(object.bounds.mean(axis=0)[:2] @ toward) > along
-    return bool((ahead or not seat) and visible_from(scene, object, eyes).max() >= SEEN)
+def _meets(mesh: Mesh, start: np.ndarray, direction: np.ndarray, reach: float) -> np.ndarray:
+    """Return which rays meet a thing within some metres; starts [body ray 3], shape [body ray]."""
+    seen, _ = visible_distance(kept_ray_mesh(mesh), start.reshape(-1, 3), direction, reach)
+    return np.asarray(seen.reshape(start.shape[:2]) < 0.999 * reach)
 
 
 def _carrier(scene: Scene, part_id: str) -> str:
@@ -180,73 +305,58 @@ def _carrier(scene: Scene, part_id: str) -> str:
     mesh = target_mesh(scene, part_id)
     if np.ptp(mesh.bounds, axis=0)[:2].max() > 0.7:
         return part_id
+    bodies = Bodies.of(mesh)
     for other, part in scene.parts.items():
         big = len(part.mesh.vertices) and part.parent is None and "floor" not in part.label.lower()
         if not big or other == part_id or np.ptp(part.mesh.bounds, axis=0)[:2].max() < 0.5:
             continue
-        if _carried(mesh, part.mesh):
+        if _rests(bodies, part.mesh)[0]:
             return other
     return part_id
 
 
-def _gap(object: Mesh, mesh: Mesh) -> float:
-    """Return the distance between two surfaces [m], up to the spacing of their vertices and middles of faces."""
-    points = [np.concatenate([one.vertices, one.vertices[one.faces].mean(axis=1)]) for one in (object, mesh)]
-    box = _box_gap(object, mesh)
-    return max(box, min(float(cKDTree(points[1]).query(points[0])[0].min()), box + 0.02))
-
-
-def _carried(object: Mesh, mesh: Mesh) -> bool:
-    """Return True if rays from an object's underside meet a surface right below it."""
-    low = float(object.bounds[0, 2])
-    foot = object.vertices[object.vertices[:, 2] < low + 0.01 + 0.02 * float(np.ptp(object.bounds[:, 2]))]
-    foot = foot[:: max(1, len(foot) // 200)].astype(float)
-    middle = np.append(foot[:, :2].mean(axis=0), low)
-    points = np.concatenate([foot, (foot + middle) / 2, middle[None]]) + (0.0, 0.0, 0.02)
+def _rests(bodies: Bodies, mesh: Mesh) -> np.ndarray:
+    """Return which bodies have a surface right below them: a fifth of the rays from their undersides meet it."""
+    start = bodies.feet() + 0.02 * UP
     reach = 0.02 + CONTACT + 0.01
-    below = points - (0.0, 0.0, reach)
-    if (below.min(axis=0) > mesh.bounds[1]).any() or (points.max(axis=0) < mesh.bounds[0]).any():
-        return False  # no ray comes near it, and to ask them takes milliseconds
-    seen, _ = visible_distance(kept_ray_mesh(mesh), points, np.array([0.0, 0.0, -1.0]), reach)
-    return bool((seen < 0.02 + CONTACT + 0.009).mean() > 0.2)
+    below, above = start.reshape(-1, 3).min(axis=0) - reach * UP, start.reshape(-1, 3).max(axis=0)
+    if (below > mesh.bounds[1]).any() or (above < mesh.bounds[0]).any():
+        return np.zeros(len(start), bool)  # no ray comes near it, and to ask them takes milliseconds
+    return np.asarray(_meets(mesh, start, -UP, reach).mean(axis=1) > 0.2)
 
 
-def _within(object: Mesh, mesh: Mesh) -> bool:
-    """Return True if a thing rises around an object's middle, and the object begins below its top."""
-    middle = object.bounds.mean(axis=0).astype(float)
-    low, high = mesh.bounds
-    if (
-        (middle[:2] < low[:2]).any()
-        or (middle[:2] > high[:2]).any()
-        or not low[2] - CONTACT < object.bounds[0, 2] < high[2] - 0.01
-    ):
-        return False
+def _within(bodies: Bodies, mesh: Mesh) -> np.ndarray:
+    """Return which bodies a thing rises around, and which begin below its top."""
+    low, high = mesh.bounds.astype(float)
+    level = bodies.middle[:, :2]
+    inside = ((level >= low[:2]) & (level <= high[:2])).all(axis=1)
+    inside &= (bodies.low[:, 2] > low[2] - CONTACT) & (bodies.low[:, 2] < high[2] - 0.01)
+    if not inside.any():
+        return np.asarray(inside)
     # At a third of what is below the rim: shallow trays hold tall things.
-    height = object.bounds[0, 2] + min(0.5 * np.ptp(object.bounds[:, 2]), 0.5 * (high[2] - object.bounds[0, 2]))
-    start = np.tile((middle[0], middle[1], height), (8, 1))
+    height = bodies.low[:, 2] + 0.5 * np.minimum((bodies.high - bodies.low)[:, 2], high[2] - bodies.low[:, 2])
+    start = np.repeat(np.column_stack([level, height])[:, None], 8, axis=1)
     reach = float(np.linalg.norm(high - low))
-    seen, _ = visible_distance(kept_ray_mesh(mesh), start, AROUND, reach)
-    return bool((seen < 0.999 * reach).sum() >= 5)
+    around = np.tile(AROUND, (len(level), 1))
+    return np.asarray(inside & (_meets(mesh, start, around, reach).sum(axis=1) >= 5))
 
 
-def _extreme(object: Mesh, mesh: Mesh, top: bool) -> bool:
-    """Return True if no board of a shelf lies above an object, other than its lid; or none below what carries it."""
-    middle = object.bounds.mean(axis=0).astype(float)
-    tree, reach = kept_ray_mesh(mesh), 3.0
-    up = 1.0 if top else -1.0
-    start, levels = middle.copy(), []
-    start[2] = object.bounds[1, 2] if top else object.bounds[0, 2] - 2 * CONTACT
+def _extreme(bodies: Bodies, mesh: Mesh, top: bool) -> np.ndarray:
+    """Return which bodies have no board of a shelf above them, other than its lid; or none below what carries them."""
+    up, reach = (1.0 if top else -1.0), 3.0
+    start = bodies.middle
+    start[:, 2] = bodies.high[:, 2] if top else bodies.low[:, 2] - 2 * CONTACT
+    boards = np.zeros(len(start), int)
     for _ in range(12):
-        seen, _ = visible_distance(tree, start[None], np.array([0.0, 0.0, up]), reach)
-        if seen[0] >= reach:
+        seen, _ = visible_distance(kept_ray_mesh(mesh), start, up * UP, reach)
+        boards += seen < reach
+        start[:, 2] += up * (np.where(seen < reach, seen, 2 * reach) + 0.05)  # over the board, or away
+        if (seen >= reach).all():
             break
-        start[2] += up * (float(seen[0]) + 0.05)  # over the board
-        levels.append(start[2])
     # The lid of a shelf may be above its uppermost board, and its base below the lowest.
-    return len(levels) <= 1
+    return np.asarray(boards <= 1)
 
 
-SIDED = ("left", "right", "front", "behind", "above", "below", "opposite", *EDGES, "corner", "middle")
 LEVEL, REACH = ("near", "left", "right", "front", "behind", "between"), 1.9
 """Relations to what stands or hangs at about the same height, and the lowest underside that is out of reach [m]."""
 NAMED = 12
@@ -287,29 +397,34 @@ def decline(wish: Wish, text: str, scene: Scene, understood: bool) -> None:
 
     `understood`: true if a model reads the wish, too.
     """
+    remedy = "ask a model (llm=chat), or give wish=prefer to have it passed over"
     if wish.unread and wish.relations and not (wish.missing or understood):
         raise InputError(
             f"prompt {text[:80]!r}: the rules do not read {wish.unread[0]!r} there; say it as 'at the left end of the couch', "
-            "ask a model (llm=chat), or give wish=prefer to have it passed over"
+            + remedy
         )
     if text and not (wish.relations or wish.missing or understood):
         raise InputError(
             f"prompt {text[:80]!r}: the rules know relations to things of the room, such as 'on the desk', 'left of the bed', "
-            "'between the cup and the lamp'; say it so, ask a model (llm=chat), or give wish=prefer to have it passed over"
+            f"'between the cup and the lamp'; say it so, {remedy}"
         )
     if not wish.missing:
         return
     kinds = list(dict.fromkeys(part.label for part in scene.parts.values() if part.parent is None))
+    meant = alike(wish.missing[0], kinds)
+    hint = f"; most alike: {', '.join(meant[:3])}" if meant else ""
+    kinds = [*meant, *(kind for kind in kinds if kind not in meant)]
     listed = ", ".join(kinds[:NAMED]) + (", ..." if len(kinds) > NAMED else "")
     raise InputError(
-        f"prompt {text[:80]!r}: there is no {wish.missing[0]!r} in this room{nearest(wish.missing[0], kinds)}; "
+        f"prompt {text[:80]!r}: there is no {wish.missing[0]!r} in this room{hint}; "
         f"there are: {listed}; name one of these, or give wish=prefer to put it elsewhere"
     )
 
 
-def objection(wish: Wish, scene: Scene, object: Mesh) -> str:
+def objection(things: Things, wish: Wish, object: Mesh) -> str:
     """Return the first relation that an object in its place [m] does not have, as a clause; empty if it has all."""
-    unmet = next((one for one in wish.relations if not met(scene, object, one)), None)
+    bodies = Bodies.of(object)
+    unmet = next((one for one in wish.relations if not things.met(bodies, one)[0]), None)
     return "" if unmet is None else f"it would not be {'so: not ' if unmet.negated else ''}{unmet.words!r} there"
 
 
@@ -324,71 +439,25 @@ def verdict(wish: Wish, text: str, scene: Scene, object: Mesh) -> dict[str, Any]
     return {**record, "heeded": None if heeded and wish.unread else heeded}
 
 
-def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np.ndarray] | None:
-    """Return a filter of places [m] for the search, rough where the check of the result is exact; None for no filter.
+def allowed(wish: Wish, things: Things, object: Mesh) -> Callable[[np.ndarray], np.ndarray] | None:
+    """Return a filter of places [m] for the search, by an object's box where the check of the result has its surface; None: all.
 
     `object`: upright, standing on z = 0 above the origin, in metres.
     """
-    sided = [
-        one
-        for one in wish.relations
-        if one.kind in (("near",) if one.negated else (*SIDED, "between", "near", "height", "away", "area"))
-    ]
-    if not sided:
+    if not wish.relations:
         return None
-    sides = np.ptp(object.bounds, axis=0)
-    # Sides are told from outlines: the points of a scan would be gone through for every place.
-    floor = floor_height(scene)
-    outlines = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.part_ids for i in ids}
-    seen = {i: viewer(scene, i) for i in outlines}
-    areas = any(one.kind == "area" for one in sided)
-    marks = {i: outlines[i] if i in outlines else _outline(target_mesh(scene, i)) for i in _landmarks(scene) if areas}
-
-    standing = box(np.array([0.0, 0.0, sides[2] / 2]), np.eye(3), np.array([min(sides[:2])] * 2 + [sides[2]]))
-
-    def one_place(place: np.ndarray) -> bool:
-        brick = Mesh(standing.vertices + place, standing.faces)
-        for one in sided:
-            if one.kind == "between":
-                holds = any(
-                    a != b and between(brick, outlines[a], outlines[b])
-                    for a in one.part_ids[0]
-                    for b in one.part_ids[1]
-                )
-            elif one.kind == "height":
-                holds = abs(brick.bounds[:, 2].mean() - floor - float(one.height or 0.0)) < OFF_HEIGHT
-            elif one.negated or one.kind == "away":
-                holds = all(_box_gap(brick, outlines[i]) > (BESIDE if one.negated else FAR) for i in one.part_ids[0])
-            elif one.kind == "near":
-                holds = any(_box_gap(brick, outlines[i]) < 0.4 for i in one.part_ids[0])
-            elif one.kind == "area":
-                holds = _in_area(brick, one.part_ids[0], marks)
-            elif one.kind == "opposite":
-                holds = any(_opposite(seen[i], brick, outlines[i]) for i in one.part_ids[0])
-            else:
-                holds = any(placed(seen[i], brick, outlines[i], one.kind) for i in one.part_ids[0])
-            if not holds:
-                return False
-        return True
-
-    known_places: dict[tuple[float, ...], bool] = {}  # the same ones come for every turn of the object
 
     def keep(places: np.ndarray) -> np.ndarray:
-        for place in places:
-            key = tuple(place.round(4).tolist())
-            if key not in known_places:
-                known_places[key] = one_place(place)
-        return np.array([known_places[tuple(place.round(4).tolist())] for place in places], bool)
+        stays = np.ones(len(places), bool)
+        for one in wish.relations:
+            if stays.any():
+                stays[stays] = things.met(Bodies.at(places[stays], object), one)
+        return stays
 
     return keep
 
 
-def _outline(mesh: Mesh) -> Mesh:
-    """Return the points of a mesh that bound it from all sides."""
-    return Mesh(silhouette(mesh.vertices), np.empty((0, 3), int))
-
-
-def _box_gap(brick: Mesh, mesh: Mesh) -> float:
-    """Return the distance between two boxes [m]."""
-    apart = np.maximum(brick.bounds[0] - mesh.bounds[1], mesh.bounds[0] - brick.bounds[1])
-    return float(np.linalg.norm(np.maximum(apart, 0.0)))
+def _box_gap(bodies: Bodies, mesh: Mesh) -> np.ndarray:
+    """Return the distances of boxes to the box of a thing [m], shape [body]."""
+    apart = np.maximum(bodies.low - mesh.bounds[1], mesh.bounds[0] - bodies.high)
+    return np.linalg.norm(np.maximum(apart, 0.0), axis=1)

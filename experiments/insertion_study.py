@@ -12,7 +12,7 @@ Prints the table by category, and writes it with a line an object to experiments
 records to RUNS/NAME/; categories that are done there are not done again.
 
 With `--llm chat` a model is asked (OPENAI_API_KEY, OPENAI_BASE_URL, llm.model=...), of --at-once objects at a time, and its
-answers are kept in FOLDER/<category>.json; what is there already is not asked again, and no results are written. `--llm replay`
+answers are kept in FOLDER/<category>.json, and no results are written. `--llm replay`
 needs no more than that.
 
 Images are for raters who must not know the method: FOLDER/<object>_<letter>.png shows before and after, wide and close,
@@ -198,7 +198,8 @@ def _one(
             "problem": said["fell"],
         }
     said["success"] = all(said[check] for check in CHECKS)
-    tokens = {key: record["total"][key] for key in ("calls", "prompt_tokens", "completion_tokens")}
+    tokens = {"calls": len(record["answers"])}
+    tokens |= {key: sum(one[key] for one in record["answers"]) for key in ("prompt_tokens", "completion_tokens")}
     return said | tokens, inserted, record | {"object": request.file.name, "measured": said}
 
 

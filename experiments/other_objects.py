@@ -31,7 +31,7 @@ from rater_images import rater_image
 from twelve_at_once import CATEGORY, line_of, parser_of, row_of, study_arguments, summary
 
 from s2a.core.provenance import provenance
-from s2a.language.ask import Model
+from s2a.language.ask import Model, UsageLog
 from s2a.language.client import choose
 from s2a.language.insert.batch import open_room
 from s2a.language.insert.describe import RoomState
@@ -128,7 +128,7 @@ def _one(
         "file": path.name,
         "seconds": round(seconds, 2) if args.at_once == 1 else None,
         **more,
-        "total": record["total"],
+        "total": UsageLog(settings.llm.prices, [one | {"replayed": False} for one in record["answers"]]).total(),
     }
 
 

@@ -3,9 +3,9 @@
     python experiments/wishes_real.py ROOMS [--wishes wishes_real.yaml] [--llm rules | chat | replay] [--recordings FOLDER]
         [--runs runs/wishes_real] [--rooms s0000 ...] [--name rules] [--images FOLDER] [llm.model=...]
 
-ROOMS holds a folder a capture, by the names of the file, with the geometric.usd of `s2a export`. Puts one object at a time into a
-room and judges the result by what the file says that the words mean there, with rays and distances of its own; it must be free and
-carried, too (placement_checks.py). Prints a table and writes it to experiments/results/wishes_real_NAME.json.
+ROOMS holds a folder a capture, by the names of the file, with the geometric.usd of `s2a export`. Puts one object at a time into
+a room and judges the result by what the file says that the words mean there, with rays and distances of its own; it must be free
+and carried, too (placement_checks.py). Prints a table and writes it to experiments/results/wishes_real_NAME.json.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from s2a.scene.scene import Mesh, Scene
 OBJECT = "matryoshka"
 """What is put everywhere: small, stands firmly, and belongs nowhere in particular."""
 NEAR, AWAY, CONTACT, CORNER, FRONT = 0.5, 0.75, 0.05, 0.2, 0.8
-"""Largest gap to what is near, least to what is away, largest to what carries, reach of a corner, depth of the space before [m]."""
+"""Largest gap to what is near, least to what is away, largest to what carries, reach of a corner, depth before a thing [m]."""
 
 
 def main() -> None:
@@ -120,7 +120,8 @@ def holds(scene: Scene, mesh: Mesh, kind: str, *of: object) -> bool:
     part = scene.parts[str(of[0])].mesh
     corners = part.vertices[:, :2].astype(float)
     if kind == "on":
-        return bool(_share(mesh, part, -1.0, CONTACT) > 0.2)
+        floor = scene.parts[str(of[0])].label == "floor" and abs(low[2] - np.median(part.vertices[:, 2])) <= CONTACT
+        return bool(floor or _share(mesh, part, -1.0, CONTACT) > 0.2)  # the floor under a table may be labelled as that
     if kind == "in":
         first, last = part.bounds.astype(float)
         inside = ((middle >= first - 0.02) & (middle <= last + 0.02)).all()

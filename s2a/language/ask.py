@@ -52,6 +52,7 @@ class Answer:
         model. completion_tokens: of the answer.
         note: remark for the record.
         cut: why it ends too early, and what to do; empty for a whole answer.
+        replayed: it was given before, and costs nothing again.
     """
 
     text: str
@@ -61,6 +62,7 @@ class Answer:
     completion_tokens: int = 0
     note: str = ""
     cut: str = ""
+    replayed: bool = False
 
 
 Model = Callable[[Request], Answer]
@@ -165,16 +167,16 @@ class UsageLog:
             "completion_tokens": answer.completion_tokens,
             "characters": len(answer.text),
         }
-        notes = {"note": answer.note, "refused": refused}
-        self.entries.append(entry | {name: text for name, text in notes.items() if text})
+        notes = {"replayed": answer.replayed, "note": answer.note, "refused": refused}
+        self.entries.append(entry | {name: value for name, value in notes.items() if value})
 
     def total(self) -> dict[str, Any]:
-        """Return the number of calls, the tokens, seconds and US dollars of all answers."""
-        prompt, completion = (
-            sum(entry[key] for entry in self.entries) for key in ("prompt_tokens", "completion_tokens")
-        )
+        """Return the number of calls, the tokens, seconds and US dollars of what was asked, and how many were replayed."""
+        asked = [entry for entry in self.entries if not entry.get("replayed")]
+        prompt, completion = (sum(entry[key] for entry in asked) for key in ("prompt_tokens", "completion_tokens"))
         return {
-            "calls": len(self.entries),
+            "calls": len(asked),
+            "replayed": len(self.entries) - len(asked),
             "prompt_tokens": prompt,
             "completion_tokens": completion,
             "seconds": round(sum(entry["seconds"] for entry in self.entries), 3),

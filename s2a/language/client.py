@@ -30,11 +30,14 @@ OTHER = "recorded in this room when its measures were others"
 
 
 def recorder(model: Model, path: Path) -> Model:
-    """Return a model that records its answers in a file and answers recorded questions from it."""
-    entries, lock = _load(path) if path.exists() else {}, Lock()
+    """Return a model that is asked, and whose answers are added to a file; a question that it had before has the same answer.
+
+    Answers of an earlier run are replaced: they are replayed by llm=replay alone.
+    """
+    entries, own, lock = _load(path) if path.exists() else {}, set[str](), Lock()
 
     def answer(request: Request) -> Answer:
-        if key(request) in entries:
+        if key(request) in own:
             return _answer(entries[key(request)], request, "")
         reply = model(request)
         if reply.cut:  # half an answer is none to play again
@@ -42,6 +45,7 @@ def recorder(model: Model, path: Path) -> Model:
         about = {"step": request.step, "prompt": _hash(request.system), "about": _about(request), "gist": gist(request)}
         tokens = {"prompt_tokens": reply.prompt_tokens, "completion_tokens": reply.completion_tokens}
         with lock, atomic_write(path) as room:
+            own.add(key(request))
             entries[key(request)] = {**about, "model": reply.model, **tokens, "answer": _slotted(reply.text, request)}
             room.write_text(json.dumps(dict(sorted(entries.items())), indent=1, ensure_ascii=False) + "\n")
         return reply
@@ -94,7 +98,7 @@ def _answer(entry: dict[str, Any], request: Request, note: str) -> Answer:
     text = entry["answer"]
     for number, exact in enumerate(_exact(request)):
         text = text.replace(_slot(number), exact)
-    return Answer(text, entry["model"], 0.0, entry["prompt_tokens"], entry["completion_tokens"], note)
+    return Answer(text, entry["model"], 0.0, entry["prompt_tokens"], entry["completion_tokens"], note, replayed=True)
 
 
 def _slotted(text: str, request: Request) -> str:

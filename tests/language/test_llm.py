@@ -253,9 +253,10 @@ def replay(path: Path) -> Model:
 
 def test_a_recording_answers_the_same_question_and_holds_no_key(monkeypatch, tmp_path):
     recording(monkeypatch, tmp_path / "answers.json")
-    usage = UsageLog((0.0, 0.0))
+    usage = UsageLog((2.5, 10.0))
     assert plan(replay(tmp_path / "answers.json"), ROOM, FACTS, "{}", 2, usage).up == "+z"
-    assert usage.total()["prompt_tokens"] == 100
+    assert usage.entries[0]["prompt_tokens"] == 100
+    assert (usage.total()["calls"], usage.total()["replayed"], usage.total()["dollars"]) == (0, 1, 0.0)
     assert "secret-key" not in (tmp_path / "answers.json").read_text()
 
 
@@ -278,13 +279,15 @@ def test_a_recording_answers_in_the_same_room_measured_anew_and_says_so(monkeypa
     assert "measures" in usage.entries[0]["note"]
 
 
-def test_what_is_recorded_is_not_asked_again(monkeypatch, tmp_path):
+def test_recording_asks_anew_and_a_question_of_the_same_run_once(monkeypatch, tmp_path):
     recording(monkeypatch, tmp_path / "answers.json")
     with chat(monkeypatch, words({**PLAN, "up": "-z"})) as (_, there):
-        model = choose(llm("chat"), tmp_path / "answers.json")
-        assert asked(model).up == "+z"
-        assert plan(model, ROOM, FACTS, "other lines", 2, UsageLog((0.0, 0.0))).up == "-z"
+        model, usage = choose(llm("chat"), tmp_path / "answers.json"), UsageLog((2.5, 10.0))
+        assert asked(model).up == "-z"
+        assert plan(model, ROOM, FACTS, "{}", 2, usage).up == "-z"
     assert len(there.asked) == 1
+    assert usage.total()["dollars"] == 0.0
+    assert asked(replay(tmp_path / "answers.json")).up == "-z"
 
 
 def test_tokens_that_an_endpoint_does_not_count_are_estimated(monkeypatch):

@@ -1,6 +1,6 @@
 """Command `s2a insert`: insert objects into a room where they belong, as a layer over its stage."""
 
-from s2a.core.errors import CheckFailed
+from s2a.core.errors import CheckFailed, printable
 from s2a.language.insert.batch import Insertion, insert_all
 from s2a.language.insert.settings import InsertSettings
 
@@ -33,7 +33,8 @@ def _summary(done: Insertion, config: Config) -> str:
         note = {True: "", False: "; the wish is not met", None: "; the wish was not understood, and not checked"}[
             heeded
         ]
+        why = "" if config.by_rules else f"; {printable(record['surface']['reason'])[:120]}"
         lines.append(
-            f"  {record['id']} on {record['surface']['target']} at ({x:.2f}, {y:.2f}, {z:.2f}), {size} m{note}"
+            f"  {record['id']} on {record['surface']['target']} at ({x:.2f}, {y:.2f}, {z:.2f}), {size} m{note}{why}"
         )
     return "\n".join(lines)

@@ -294,7 +294,10 @@ class Attempt:
                     raise
                 where = self._ask_plan(FailedPlan(where, full.summary, full.unstable))
                 if where.declined:
-                    raise
+                    reason = f"{full.summary}; asked again: {where.declined[:300]}"
+                    raise NoRoom(
+                        reason, unstable=full.unstable, remedy="; name another place with prompt=..."
+                    ) from full
         raise AssertionError("plans is at least 1")
 
     def _stable_candidate(self, object: Mesh, where: Plan, anyhow: bool) -> CandidatePose:
@@ -331,7 +334,7 @@ class Attempt:
                 candidate = stable_pose(room, object, poses, check, unheeded, config.pose, reasons)
                 if candidate is not None:
                     result |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
-                    record["surface"] = {**candidate.surface, "passed over": reasons}
+                    record["surface"] = {**candidate.surface, "reason": candidate.choice.reason, "passed over": reasons}
                     return candidate
         record["surface"] = {"passed over": reasons}
         summary = f"no place for {record['label']!r}: {'; '.join(reasons)}"

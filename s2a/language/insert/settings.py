@@ -70,7 +70,7 @@ class InsertSettings:
         out: folder that receives insert.usda (open it instead of the stage; delete it to undo the insertion), objects/,
             descriptive.usda and insert.json.
         image: PNG file to write, an image of the first object in its place, or null.
-        record: file to which the answers of the model are appended, for llm=replay; null for none.
+        record: file to which the model's answers are added, for llm=replay, in place of earlier ones; null for none.
         surface: "regions" grows bounded surfaces; "ransac" is the baseline, one plane, and needs pose=paper.
         pose: "search" ranks all placements on a grid; "paper" is the baseline, random offsets until nothing collides.
         retries: answers of the model that may be rejected, per step.

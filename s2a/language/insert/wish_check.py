@@ -15,7 +15,7 @@ from s2a.language.grammar import BEDDING, EDGES, Relation, Wish, alike, is_kind_
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
 from s2a.language.insert.serves import SEATS, front, visible_fraction, visible_from
-from s2a.language.insert.supports import nearby, target_mesh
+from s2a.language.insert.supports import is_floor, nearby, target_mesh
 from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.usd.descriptive import silhouette
@@ -182,7 +182,10 @@ class Things:
         covers = [part_id] if not is_kind_of(self.scene.parts[part_id].label, "bed") else [
             part_id, *(i for i, part in self.scene.parts.items() if part.label.lower() in BEDDING and len(part.mesh.faces))
         ]  # fmt: skip
-        return np.logical_or.reduce([_rests(bodies, self.mesh(i)) for i in covers])
+        rests = np.logical_or.reduce([_rests(bodies, self.mesh(i)) for i in covers])
+        # The faces of a floor under furniture are often labelled as that.
+        on_floor = is_floor(self.scene, part_id) & (np.abs(bodies.low[:, 2] - self.floor) <= CONTACT)
+        return np.asarray(rests | on_floor)
 
     def _hung(self, part_id: str) -> bool:
         """Return True for what hangs on a wall: it is thin, and its underside is high."""
@@ -290,7 +293,7 @@ def _covered(bodies: Bodies, mesh: Mesh) -> np.ndarray:
     places = bodies.low[:, None, :2] + THIRDS * (bodies.high - bodies.low)[:, None, :2]
     start = np.concatenate([places, np.broadcast_to(bodies.high[:, None, 2:], (len(places), 9, 1))], axis=2)
     return (
-        _meets(mesh, start, UP, max(float(mesh.bounds[1, 2] - bodies.high[:, 2].min()), 0.0) + 0.01).mean(axis=1) > 0.5
+        _meets(mesh, start, UP, max(float(mesh.bounds[1, 2] - bodies.high[:, 2].min()), 0.0) + 0.01).mean(axis=1) > 0.6
     )
 
 

@@ -1,7 +1,5 @@
 """Places where a wish holds: every support of the room is looked at, whatever a model or the rules think of."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

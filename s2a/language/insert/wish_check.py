@@ -56,7 +56,8 @@ class Bodies:
     @staticmethod
     def of(object: Mesh) -> Bodies:
         """Return an object in its place."""
-        return Bodies(*object.bounds[:, None].astype(float), object)
+        low, high = object.bounds[:, None].astype(float)
+        return Bodies(low, high, object)
 
     @staticmethod
     def at(places: np.ndarray, object: Mesh) -> Bodies:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 from collections.abc import Container, Mapping
 from dataclasses import dataclass
@@ -14,7 +15,10 @@ from s2a.core.errors import InputError
 from s2a.scan import fields, labels
 from s2a.scan.fields import Record
 from s2a.scan.ply import ScanMesh
+from s2a.scene.geometry.convex import components
+from s2a.scene.geometry.mesh_ops import keep, weighted_quantile
 from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.usd.descriptive import silhouette, upright_box
 
 
 def cut(surface: ScanMesh, owner: np.ndarray, count: int) -> list[Mesh]:
@@ -133,7 +137,7 @@ REMOVED = -2
 def claim(surface: ScanMesh, owner: np.ndarray, count: int, files: tuple[Path, Path] | None) -> list[str]:
     """Give the faces without owner to further parts: annotated objects, and "unannotated" for what is left then.
 
-    Objects that annotators call REMOVE are artefacts, whose faces are left out with a warning; SPLIT ones are objects that could
+    Faces that an object's label spilled onto stay "unannotated" (`stray_faces`). Objects that annotators call REMOVE are artefacts, whose faces are left out with a warning; SPLIT ones are objects that could
     not be annotated, and stay "unannotated".
 
     Args:
@@ -155,11 +159,173 @@ def claim(surface: ScanMesh, owner: np.ndarray, count: int, files: tuple[Path, P
             place.append(REMOVED if labels.is_removed(label) else -1 if labels.is_split(label) else count + len(names))
             names += [label] if place[-1] >= 0 else []
         owner[free] = np.array([*place, -1])[face_groups(groups, surface.faces[free], len(surface.vertices))]
+        strays = stray_faces(surface, owner, dict(enumerate(names, start=count)))
+        owner[strays] = -1
         _warn_of_removed(files[1], owner)
     if (owner == -1).any():
         owner[owner == -1] = count + len(names)
         names.append(UNANNOTATED)
     return names
+
+
+STRUCTURE = ("wall", "floor", "ceiling")
+"""Labels of what goes on behind other things: its components are apart, and all belong to it."""
+SPILLED, FREE, BETWEEN, BIN = 2.5, 12.0, (0.4, 0.8), 0.02
+"""Weight of a tail's area against the length that it adds to a box, where it borders on other labels along its whole length, as a
+strip of a wall does, and where it ends in the air, as a lamp's pole does; fractions of the length between which the weight changes,
+and the pieces [m] in which the length is looked at."""
+NOISE = 0.1
+"""Added to the lengths of a box when they are compared [m]: what is thin is not trimmed to a sheet."""
+WORTH, DUST, SMALL = 0.03, 0.015, 0.12
+"""Least gain of a tail; fraction of an area that is trimmed for less; and that from which what leaves through the top or the
+bottom is no tail."""
+TAIL, IN_ALL = 0.18, 0.3
+"""Largest fraction of an object's area in one tail, and in all."""
+NARROW, PLATE = 0.7, (0.2, 0.08)
+"""Largest extent of a tail across, over that of the rest: a side of a cabinet is as high as its front. Those of a wall may be as
+wide as it is, where it is then as thin as this [m] and they have no more than that fraction of its area."""
+SKIRT = 0.01
+"""The floor at a foot, which faces up outside of it, is no higher than this above its lowest point: a foot's plate is [m]."""
+FOOT, LIFTED, HUNG = 0.06, 0.5, 1.2
+"""What is lower than this above the lowest point touches what carries it, whose label borders on it there; what begins at the
+second height has a lower side that may be trimmed, at the third no foot [m]."""
+APART, PART = 0.5, (0.25, 0.05)
+"""A component apart from the largest one by this fraction of its own length is another thing; so is one beside that with less
+than this fraction of its area, from this distance on [m]."""
+
+
+def stray_faces(surface: ScanMesh, owner: np.ndarray, names: Mapping[int, str]) -> np.ndarray:
+    """Return the faces that belong to no object although its label covers them, shape [stray].
+
+    Labels spill onto what is behind and beside an object: onto components apart from it, tongues along a wall, the floor at its
+    feet. Such a tail adds much to the object's box and little to its area, and borders on other labels along its sides, which a
+    thin part that ends in the air does not.
+
+    Args:
+        surface: the whole scan.
+        owner: position of the part of each face, shape [face]; negative for none.
+        names: labels of the objects to look at, by position.
+    """
+    points, border = surface.vertices.astype(np.float64), _borders(surface, owner)
+    strays = [np.empty(0, np.int64)]
+    for position, label in names.items():
+        own = np.flatnonzero(owner == position)
+        if len(own) > 1:
+            corners = points[surface.faces[own]]
+            whole = label.lower().rpartition(" ")[2] in STRUCTURE
+            joined = np.zeros(len(own), int) if whole else components(keep(Mesh(surface.vertices, surface.faces), own))
+            strays.append(own[~_body(corners, border[own], joined, whole)])
+    return np.concatenate(strays)
+
+
+def _borders(surface: ScanMesh, owner: np.ndarray) -> np.ndarray:
+    """Return the length of each face's edges that it shares with faces of other owners [m], shape [face]."""
+    sides = np.sort(np.concatenate([surface.faces[:, [0, 1]], surface.faces[:, [1, 2]], surface.faces[:, [2, 0]]]), axis=1)
+    face = np.tile(np.arange(len(surface.faces)), 3)
+    order = np.lexsort((sides[:, 1], sides[:, 0]))
+    sides, face = sides[order], face[order]
+    pairs = np.flatnonzero((sides[1:] == sides[:-1]).all(axis=1) & (owner[face[1:]] != owner[face[:-1]]))
+    ends = surface.vertices[sides[pairs]].astype(np.float64)
+    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    return sum(np.bincount(face[pairs + side], length, len(owner)) for side in (0, 1))
+
+
+def _body(corners: np.ndarray, border: np.ndarray, component: np.ndarray, structure: bool) -> np.ndarray:
+    """Return which faces are an object's body, shape [face].
+
+    Args:
+        corners: of its faces [m], shape [face 3 3].
+        border: length of each face's edges with other labels [m], shape [face].
+        component: number of each face's connected component, shape [face].
+        structure: It is a wall, a floor or a ceiling.
+    """
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.maximum(0.5 * np.linalg.norm(cross, axis=1), 1e-12)
+    middle = corners.mean(axis=1)
+    body = _one_component(corners, area, component)
+    bottom = weighted_quantile(middle[body, 2], area[body], 0.01)
+    if middle[body, 2].max() - bottom > 2 * FOOT:
+        body &= ~_skirt(corners, middle, body, cross[:, 2] / (2 * area), bottom)
+    border = np.where((middle[:, 2] < bottom + FOOT) & (bottom < HUNG), 0.0, border)
+    least = (1.0 - IN_ALL) * area[body].sum()
+    while (tail := _tail(corners, area, border, body, bottom > LIFTED, structure, least)) is not None:
+        body[tail] = False
+    return body
+
+
+def _one_component(corners: np.ndarray, area: np.ndarray, component: np.ndarray) -> np.ndarray:
+    """Return the faces of an object's largest component, and of those that belong to it, shape [face]."""
+    areas = np.bincount(component, area)
+    main = int(areas.argmax())
+    points = corners[component == main].reshape(-1, 3)
+    body = np.ones(len(area), bool)
+    for other in np.flatnonzero(areas):
+        own = corners[component == other].reshape(-1, 3)
+        gap = np.maximum(np.maximum(own.min(axis=0) - points.max(axis=0), points.min(axis=0) - own.max(axis=0)), 0.0)
+        beside = np.linalg.norm(gap[:2]) > PART[1]
+        far = areas[other] < PART[0] * areas[main] or np.linalg.norm(gap) > APART * np.ptp(own, axis=0).max()
+        if beside and far:
+            body[component == other] = False
+    return body
+
+
+def _skirt(
+    corners: np.ndarray, middle: np.ndarray, body: np.ndarray, up: np.ndarray, bottom: float
+) -> np.ndarray:
+    """Return the faces of the floor around an object's foot, shape [face]: they face up, outside of what is above them.
+
+    `up`: vertical component of each face's normal, shape [face].
+    """
+    low = body & (middle[:, 2] < bottom + SKIRT)
+    box = upright_box(silhouette(corners[body & ~low].reshape(-1, 3)))
+    axes = np.array([[np.cos(box.yaw), np.sin(box.yaw)], [-np.sin(box.yaw), np.cos(box.yaw)]])
+    out = np.abs((middle[:, :2] - box.center[:2]) @ axes.T) - np.array(box.size[:2]) / 2
+    return low & (out.max(axis=1) > 2 * SKIRT) & (up > 0.5)
+
+
+def _tail(
+    corners: np.ndarray,
+    area: np.ndarray,
+    border: np.ndarray,
+    body: np.ndarray,
+    lifted: bool,
+    structure: bool,
+    least: float,
+) -> np.ndarray | None:
+    """Return the faces of the body's tail that adds most to its box for its area, shape [tail]; None if none is worth it.
+
+    `lifted`: the tail may be at its lower side. `least`: area that stays [m^2].
+    """
+    inside = np.flatnonzero(body)
+    own, area, border = corners[inside], area[inside], border[inside]
+    middle = own.mean(axis=1)
+    yaw = upright_box(silhouette(own.reshape(-1, 3))).yaw
+    axes = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    best, tail = WORTH, None
+    for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))[: 6 if lifted else 5]:
+        along = sign * own @ axes[axis]
+        order = np.argsort(-along.max(axis=1), kind="stable")
+        ends, low = along.max(axis=1)[order], float(along.min())
+        left, length = np.append(ends[1:], low) - low, float(ends[0]) - low
+        areas = np.cumsum(area[order])
+        share = areas / areas[-1]
+        bins = ((ends[0] - ends) / BIN).astype(int)
+        spilled = np.cumsum(np.bincount(bins, border[order]) >= BIN)[bins] / (bins + 1)
+        weight = np.interp(spilled, BETWEEN, (FREE, SPILLED))
+        gain = np.log((length + NOISE) / (left + NOISE)) - weight * share
+        gain[(share > (TAIL if axis < 2 else SMALL)) | (areas[-1] - areas < least)] = -1.0
+        gain[share < DUST] += WORTH / 3
+        for first, end in itertools.pairwise((0.0, DUST, 0.06, 1.0)):
+            last = int(np.argmax(np.where((first <= share) & (share < end), gain, -1.0)))
+            if gain[last] <= best:
+                continue
+            across = np.delete(axes, axis, axis=0)
+            rest = np.ptp(middle[order[last + 1 :]] @ across.T, axis=0)
+            wide = np.ptp(np.quantile(middle[order[: last + 1]] @ across.T, (0.05, 0.95), axis=0), axis=0)
+            plate = structure and left[last] < min(PLATE[0], rest.min() / 2) and share[last] < PLATE[1]
+            if end == DUST or plate or (wide <= NARROW * rest).all():
+                best, tail = float(gain[last]), inside[order[: last + 1]]
+    return tail
 
 
 def staying(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -282,6 +283,10 @@ def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:
     return poses.reshape(-1, 4, 4)
 
 
+PLANNING = 30.0
+"""[s] of computation after which no plan for an object is looked for any more: where there is one, most take 3 to 15."""
+
+
 class GraspCache:
     """Grasps of one free object by one gripper, computed once for each way up, number of points and contact."""
 
@@ -290,6 +295,12 @@ class GraspCache:
         self._hulls, self._center = [c.mesh for c in body.colliders], np.array(body.mass.center)
         self._gripper, self._seed = gripper, seed
         self._grasps: dict[tuple[object, ...], ObjectGrasps] = {}
+        self._deadline = time.thread_time() + PLANNING
+
+    @property
+    def late(self) -> bool:
+        """The time for plans with this object is used up; that of other programs does not count."""
+        return time.thread_time() > self._deadline
 
     def __call__(self, samples: int, contact: Contact, up: np.ndarray) -> ObjectGrasps:
         """Return what `object_grasps` does; `up` is a unit vector in the body's frame, shape [3]."""
@@ -325,7 +336,7 @@ def ungraspable(target: str, size: float, spec: RobotSpec) -> Ungraspable:
     )
 
 
-def failure(target: str, nearest: float, size: float, misses: Misses, spec: RobotSpec) -> Unreachable:
+def failure(target: str, nearest: float, size: float, misses: Misses, spec: RobotSpec, late: bool) -> Unreachable:
     """Return why there is no plan for an object.
 
     Args:
@@ -334,12 +345,14 @@ def failure(target: str, nearest: float, size: float, misses: Misses, spec: Robo
         size: its thinnest extent [m].
         misses: of what was tried with the grasps that are clear.
         spec: the robot.
+        late: The search ended because its time was used up.
     """
+    ended = f" (the search ended after {PLANNING:g} s)" if late else ""
     if math.isinf(nearest):
         return ungraspable(target, size, spec)
     if nearest > 0.0:
         return Unreachable(
             f"{target!r}: grasp: with {1000 * AROUND:.0f} mm around it the gripper reaches at least {1000 * nearest:.1f} mm "
-            "into what is around the object or its place; choose a place with more room around it"
+            f"into what is around the object or its place; choose a place with more room around it{ended}"
         )
-    return Unreachable(f"{target!r} cannot be picked and placed so: {misses.nearest}")
+    return Unreachable(f"{target!r} cannot be picked and placed so: {misses.nearest}{ended}")

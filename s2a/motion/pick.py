@@ -9,7 +9,7 @@ import numpy as np
 
 from s2a import robot as robots
 from s2a.core.errors import InputError
-from s2a.motion.grasps import GraspCache
+from s2a.motion.grasps import PLANNING, GraspCache
 from s2a.motion.gripper import FIRM, SLOPING, Contact
 from s2a.motion.obstacles import surface_points
 from s2a.motion.pick_plan import LIFT, PickPlan, PickTask, plan_pick
@@ -71,6 +71,8 @@ def read_stage(
     grasps = GraspCache(room.free[target], spec.gripper)
 
     def plan_with(ends: Ends, contact: Contact) -> PickPlan:
+        if grasps.late:
+            raise Unreachable(f"{target!r}: no plan after {PLANNING:g} s; give another task.start or task.place")
         return plan_pick(PickTask(room, target, *ends, motion.approach), spec, contacts=(contact,), grasps=grasps)
 
     (start, goal), plan = firmest(room, target, spec, lambda: _ends(room, target, config), plan_with)

@@ -142,15 +142,16 @@ class PickPlanner:
                 tried.append((every, bool(clear)))
                 if clear and (plan := self._with(every[clear], fits)) is not None:
                     return plan
-                if len(clear) >= ENOUGH:
+                if len(clear) >= ENOUGH or self._grasps.late:
                     break
         nearest = 0.0 if any(is_clear for _, is_clear in tried) else self._least([every for every, _ in tried])
         size = float(np.ptp(self._points, axis=0).min())
-        raise failure(self._target, nearest, size, self._search.misses, self._spec)
+        raise failure(self._target, nearest, size, self._search.misses, self._spec, self._grasps.late)
 
     def _with(self, grasps: ObjectGrasps, fits: Fits | None) -> PickPlan | None:
         pairs = chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE)
-        ordered = shorter_first(self._paths(some, grasps) for some in pairs)
+        in_time = itertools.takewhile(lambda _: not self._grasps.late, pairs)
+        ordered = shorter_first(self._paths(some, grasps) for some in in_time)
         return next(filter(None, map(self._joined, ordered)), None)
 
     def _pairs(self, grasps: np.ndarray, fits: Fits | None) -> Iterator[tuple[Stand, int]]:
@@ -158,6 +159,8 @@ class PickPlanner:
         places = {"grasp": self._start, "place": self._goal}
         later: list[tuple[Stand, int]] = []
         for some in chunks(around(self._cell, self._start, self._goal), BASES):
+            if self._grasps.late:
+                return
             stands = some if fits is None else fits(some)
             for stand, k, clear in reached(self._cell, places, stands, grasps, self._seed, self._search.misses):
                 if clear:

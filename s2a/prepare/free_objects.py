@@ -1,5 +1,6 @@
 """Free objects: extracted from the merged room, closed, weighed, and set on what carries them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -77,6 +78,9 @@ def split_foot(foot: Mesh, center: np.ndarray) -> list[Mesh]:
 HOLLOW, FULL = 0.1, 1.0  # Shares of its convex hull that the volume of a sound solid lies between
 # Fraction of a surface that noise may have put below it. Not of its vertices, which are few where a surface is flat
 OUTLIERS = 0.005
+# Volume [m^3] up to which an object is as dense as its family. Larger ones hold more air: mass grows as the root of the volume, and
+# a basket of 0.1 m^3 is a fifth as dense
+SOLID = 0.004
 RAYS = 24  # Of those that look for a support, along either side of an object
 
 
@@ -300,4 +304,5 @@ def _estimate(scene: Scene, members: Sequence[str], inside: float, config: MassC
     family, rule = config.rule(scene.parts[members[0]].label)
     if annotated is not None or rule.by == "mass":
         return (annotated, "annotated") if annotated is not None else (rule.value, f"usual for a {family}")
-    return config.bounded(rule.value * inside), f"its volume, {rule.value:g} kg/m^3"
+    density = rule.value * min(1.0, math.sqrt(SOLID / max(inside, 1e-9)))
+    return config.bounded(density * inside), f"its volume, {density:.3g} kg/m^3"

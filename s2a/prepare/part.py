@@ -173,7 +173,7 @@ Ahead = Callable[[Sequence[str]], object]  # Work that can be done beside that o
 
 
 def selected_parts(
-    scene: Scene, targets: Sequence[str], config: PartConfig, ahead: Ahead | None = None
+    scene: Scene, targets: Sequence[str], config: PartConfig, ahead: Ahead | None = None, needed: bool = True
 ) -> dict[str, PartResult]:
     """Return the results of parts by id.
 
@@ -183,12 +183,13 @@ def selected_parts(
             others a warning is logged.
         config: settings of each part.
         ahead: done by this process while others begin with the parts.
+        needed: One part at least of "all" is to move.
 
     Raises:
         InputError: a part that is named cannot be prepared; there are articulated parts and none can; the scene is not in metres.
     """
     refuse_other_units(scene)
-    return _all(scene, config, ahead) if tuple(targets) == (ALL,) else _exactly(scene, targets, config, ahead)
+    return _all(scene, config, ahead, needed) if tuple(targets) == (ALL,) else _exactly(scene, targets, config, ahead)
 
 
 def _exactly(scene: Scene, parts: Sequence[str], config: PartConfig, ahead: Ahead | None) -> dict[str, PartResult]:
@@ -202,7 +203,7 @@ def _exactly(scene: Scene, parts: Sequence[str], config: PartConfig, ahead: Ahea
     return {part: result for part, result in results.items() if isinstance(result, PartResult)}
 
 
-def _all(scene: Scene, config: PartConfig, ahead: Ahead | None) -> dict[str, PartResult]:
+def _all(scene: Scene, config: PartConfig, ahead: Ahead | None, needed: bool) -> dict[str, PartResult]:
     """Return the results of all articulated parts that can be prepared; warn of the others, which are frozen."""
     parts = scene.movable
     while parts:
@@ -212,7 +213,7 @@ def _all(scene: Scene, config: PartConfig, ahead: Ahead | None) -> dict[str, Par
             _log.warning("%s is left out: %s", part, error)
         # Without those, what they carried belongs to other bodies.
         parts = tuple(part for part in parts if part not in refused)
-        if not parts:
+        if not parts and needed:
             raise InputError(f"scene {scene.name!r} has no articulated part that can be prepared")
         if not refused:
             return {part: result for part, result in results.items() if isinstance(result, PartResult)}

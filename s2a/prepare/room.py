@@ -150,7 +150,7 @@ def prepare(
     chosen = (targets,) if isinstance(targets, str) else tuple(dict.fromkeys(targets))
     spec = spec or robot.load(DEFAULT_ROBOT)
     still = StaticRoom(scene, config.room, config.decimate)
-    results = selected_parts(scene, chosen, config.part(spec), None if free else still.ahead)
+    results = selected_parts(scene, chosen, config.part(spec), None if free else still.ahead, needed=not free)
     extracted = free_objects(scene, free, tuple(results), config.free)
     owners = bodies(scene, results)
     obstacles = _obstacles(scene, results, extracted, config)

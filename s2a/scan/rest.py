@@ -137,8 +137,8 @@ REMOVED = -2
 def claim(surface: ScanMesh, owner: np.ndarray, count: int, files: tuple[Path, Path] | None) -> list[str]:
     """Give the faces without owner to further parts: annotated objects, and "unannotated" for what is left then.
 
-    Faces that an object's label spilled onto stay "unannotated" (`stray_faces`). Objects that annotators call REMOVE are artefacts, whose faces are left out with a warning; SPLIT ones are objects that could
-    not be annotated, and stay "unannotated".
+    Objects that annotators call REMOVE are artefacts, whose faces are left out with a warning; SPLIT ones are objects that could
+    not be annotated, and stay "unannotated", as do faces that an object's label spilled onto (`stray_faces`).
 
     Args:
         surface: the whole scan.
@@ -172,8 +172,8 @@ STRUCTURE = ("wall", "floor", "ceiling")
 """Labels of what goes on behind other things: its components are apart, and all belong to it."""
 SPILLED, FREE, BETWEEN, BIN = 2.5, 12.0, (0.4, 0.8), 0.02
 """Weight of a tail's area against the length that it adds to a box, where it borders on other labels along its whole length, as a
-strip of a wall does, and where it ends in the air, as a lamp's pole does; fractions of the length between which the weight changes,
-and the pieces [m] in which the length is looked at."""
+strip of a wall does, and where it ends in the air, as a lamp's pole does; fractions of the length between which the weight
+changes, and the pieces [m] in which the length is looked at."""
 NOISE = 0.1
 """Added to the lengths of a box when they are compared [m]: what is thin is not trimmed to a sheet."""
 WORTH, DUST, SMALL = 0.03, 0.015, 0.12
@@ -220,7 +220,9 @@ def stray_faces(surface: ScanMesh, owner: np.ndarray, names: Mapping[int, str]) 
 
 def _borders(surface: ScanMesh, owner: np.ndarray) -> np.ndarray:
     """Return the length of each face's edges that it shares with faces of other owners [m], shape [face]."""
-    sides = np.sort(np.concatenate([surface.faces[:, [0, 1]], surface.faces[:, [1, 2]], surface.faces[:, [2, 0]]]), axis=1)
+    sides = np.sort(
+        np.concatenate([surface.faces[:, [0, 1]], surface.faces[:, [1, 2]], surface.faces[:, [2, 0]]]), axis=1
+    )
     face = np.tile(np.arange(len(surface.faces)), 3)
     order = np.lexsort((sides[:, 1], sides[:, 0]))
     sides, face = sides[order], face[order]
@@ -245,7 +247,8 @@ def _body(corners: np.ndarray, border: np.ndarray, component: np.ndarray, struct
     body = _one_component(corners, area, component)
     bottom = weighted_quantile(middle[body, 2], area[body], 0.01)
     if middle[body, 2].max() - bottom > 2 * FOOT:
-        body &= ~_skirt(corners, middle, body, cross[:, 2] / (2 * area), bottom)
+        skirt = _skirt(corners, middle, body, cross[:, 2] / (2 * area), bottom)
+        body &= ~skirt if area[skirt].sum() < IN_ALL * area[body].sum() else True
     border = np.where((middle[:, 2] < bottom + FOOT) & (bottom < HUNG), 0.0, border)
     least = (1.0 - IN_ALL) * area[body].sum()
     while (tail := _tail(corners, area, border, body, bottom > LIFTED, structure, least)) is not None:
@@ -269,9 +272,7 @@ def _one_component(corners: np.ndarray, area: np.ndarray, component: np.ndarray)
     return body
 
 
-def _skirt(
-    corners: np.ndarray, middle: np.ndarray, body: np.ndarray, up: np.ndarray, bottom: float
-) -> np.ndarray:
+def _skirt(corners: np.ndarray, middle: np.ndarray, body: np.ndarray, up: np.ndarray, bottom: float) -> np.ndarray:
     """Return the faces of the floor around an object's foot, shape [face]: they face up, outside of what is above them.
 
     `up`: vertical component of each face's normal, shape [face].

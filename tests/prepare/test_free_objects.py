@@ -226,3 +226,26 @@ def test_a_drawer_that_reaches_into_what_an_object_above_stands_on_slides_all_th
     assert max(top[1, 2] for top in tops) == pytest.approx(
         min(in_scene(b, c.mesh)[:, 2].min() for b in found.free.values() for c in b.colliders), abs=1e-5
     )
+
+
+def test_what_is_large_holds_air() -> None:
+    small, large = (
+        Mesh(
+            box(np.zeros(3), np.eye(3), np.full(3, side)).vertices + [0.5, 1.2, 0.74 + side / 2],
+            box(np.zeros(3), np.eye(3), np.full(3, side)).faces,
+        )
+        for side in (0.1, 0.4)
+    )
+    mass = {
+        s: free_object(room(box_21=Part("crate", m)), "box_21", settings().free).body.mass.mass
+        for s, m in (("s", small), ("l", large))
+    }
+    assert mass["s"] == pytest.approx(0.25, rel=0.05)
+    # 64 l weigh a quarter of what a solid of that size would: 16 kg, of 4 l 1 kg; in between as the root.
+    assert mass["l"] == pytest.approx(250 * 0.064 * (0.004 / 0.064) ** 0.5, rel=0.05)
+
+
+def test_a_free_object_needs_no_part_that_moves() -> None:
+    still = {i: replace(part, motion="fixed") for i, part in room().parts.items()}
+    made = prepare(Scene("room", still), "all", settings(), ["box_20"])
+    assert list(made.free) == ["box_20"] and not made.articulations

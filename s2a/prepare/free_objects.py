@@ -78,8 +78,8 @@ def split_foot(foot: Mesh, center: np.ndarray) -> list[Mesh]:
 HOLLOW, FULL = 0.1, 1.0  # Shares of its convex hull that the volume of a sound solid lies between
 # Fraction of a surface that noise may have put below it. Not of its vertices, which are few where a surface is flat
 OUTLIERS = 0.005
-# Volume [m^3] up to which an object is as dense as its family. Larger ones hold more air: mass grows as the root of the volume, and
-# a basket of 0.1 m^3 is a fifth as dense
+# Volume [m^3] up to which an object is as dense as its family. Larger ones hold more air: mass grows as the root of the volume,
+# and a basket of 0.1 m^3 is a fifth as dense
 SOLID = 0.004
 RAYS = 24  # Of those that look for a support, along either side of an object
 

@@ -168,30 +168,30 @@ def claim(surface: ScanMesh, owner: np.ndarray, count: int, files: tuple[Path, P
     return names
 
 
+# Labels of what goes on behind other things: its components are apart, and all belong to it
 STRUCTURE = ("wall", "floor", "ceiling")
-"""Labels of what goes on behind other things: its components are apart, and all belong to it."""
+# Weight of a tail's area against the length that it adds to a box, where it borders on other labels along its whole length, as a
+# strip of a wall does, and where it ends in the air, as a lamp's pole does; fractions of the length between which the weight
+# changes, and the pieces [m] in which the length is looked at
 SPILLED, FREE, BETWEEN, BIN = 2.5, 12.0, (0.4, 0.8), 0.02
-"""Weight of a tail's area against the length that it adds to a box, where it borders on other labels along its whole length, as a
-strip of a wall does, and where it ends in the air, as a lamp's pole does; fractions of the length between which the weight
-changes, and the pieces [m] in which the length is looked at."""
+# Added to the lengths of a box when they are compared [m]: what is thin is not trimmed to a sheet
 NOISE = 0.1
-"""Added to the lengths of a box when they are compared [m]: what is thin is not trimmed to a sheet."""
+# Least gain of a tail; fraction of an area that is trimmed for less; and that from which what leaves through the top or the
+# bottom is no tail
 WORTH, DUST, SMALL = 0.03, 0.015, 0.12
-"""Least gain of a tail; fraction of an area that is trimmed for less; and that from which what leaves through the top or the
-bottom is no tail."""
+# Largest fraction of an object's area in one tail, and in all
 TAIL, IN_ALL = 0.18, 0.3
-"""Largest fraction of an object's area in one tail, and in all."""
+# Largest extent of a tail across, over that of the rest: a side of a cabinet is as high as its front. Those of a wall may be as
+# wide as it is, where it is then as thin as this [m] and they have no more than that fraction of its area
 NARROW, PLATE = 0.7, (0.2, 0.08)
-"""Largest extent of a tail across, over that of the rest: a side of a cabinet is as high as its front. Those of a wall may be as
-wide as it is, where it is then as thin as this [m] and they have no more than that fraction of its area."""
+# The floor at a foot, which faces up outside of it, is no higher than this above its lowest point: a foot's plate is [m]
 SKIRT = 0.01
-"""The floor at a foot, which faces up outside of it, is no higher than this above its lowest point: a foot's plate is [m]."""
+# What is lower than this above the lowest point touches what carries it, whose label borders on it there; what begins at the
+# second height has a lower side that may be trimmed, at the third no foot [m]
 FOOT, LIFTED, HUNG = 0.06, 0.5, 1.2
-"""What is lower than this above the lowest point touches what carries it, whose label borders on it there; what begins at the
-second height has a lower side that may be trimmed, at the third no foot [m]."""
+# A component apart from the largest one by this fraction of its own length is another thing; so is one beside that with less
+# than this fraction of its area, from this distance on [m]
 APART, PART = 0.5, (0.25, 0.05)
-"""A component apart from the largest one by this fraction of its own length is another thing; so is one beside that with less
-than this fraction of its area, from this distance on [m]."""
 
 
 def stray_faces(surface: ScanMesh, owner: np.ndarray, names: Mapping[int, str]) -> np.ndarray:

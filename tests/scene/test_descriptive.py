@@ -9,8 +9,8 @@ import pytest
 from pxr import Usd, UsdGeom
 from usd_room import box, room
 
-from s2a.scene.geometry.mesh_ops import silhouette, upright_box
 from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.upright_box import silhouette, upright_box
 from s2a.scene.usd import descriptive
 from s2a.scene.usd.stage import problems
 

@@ -10,8 +10,8 @@ import numpy as np
 from s2a.core.errors import InputError, printable
 from s2a.motion.obstacles import Obstacles
 from s2a.scene.articulation import opening_direction
-from s2a.scene.geometry.mesh_ops import upright_box
 from s2a.scene.scene import Vec3
+from s2a.scene.upright_box import upright_box
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimBody, SimRoom, in_scene
 

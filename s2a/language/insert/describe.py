@@ -15,9 +15,10 @@ from s2a.language.insert.fit import NoRoom, swept_volumes
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
 from s2a.language.insert.supports import SurfaceConfig, is_basin, over, target_mesh, target_regions
-from s2a.scene.geometry.mesh_ops import Box, normals, silhouette, upright_box
+from s2a.scene.geometry.mesh_ops import normals
 from s2a.scene.geometry.regions import Region, RegionConfig
 from s2a.scene.scene import Joint, Mesh, Part, Scene
+from s2a.scene.upright_box import Box, silhouette, upright_box
 
 if TYPE_CHECKING:
     from s2a.language.insert.settings import Inserted

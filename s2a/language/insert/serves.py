@@ -9,10 +9,11 @@ import numpy as np
 from s2a.language.grammar import is_kind_of
 from s2a.language.insert.search import Keep, floor_height
 from s2a.language.insert.supports import bounds_of, facing, is_floor, nearby, over, target_mesh
-from s2a.scene.geometry.mesh_ops import Box, normals, sample, silhouette, upright_box
+from s2a.scene.geometry.mesh_ops import normals, sample
 from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Joint, Mesh, Scene
+from s2a.scene.upright_box import Box, silhouette, upright_box
 
 OPENS, HIGH, BACKED, LONG, SHOWN, INWARD = 1.5, 1.0, 1.0, 0.5, 2.0, 0.15
 """Weights of what tells the front: what opens there, what is high behind, a wall behind, a long side, the surface, the middle of

@@ -16,9 +16,9 @@ from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
 from s2a.language.insert.serves import SEATS, front, visible_fraction, visible_from
 from s2a.language.insert.supports import is_floor, nearby, target_mesh
-from s2a.scene.geometry.mesh_ops import silhouette
 from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
+from s2a.scene.upright_box import silhouette
 
 BESIDE, FAR = 0.45, 0.8
 """Largest gap to what a thing is near, and least gap to what it is away from [m]."""

@@ -12,8 +12,8 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from s2a.core.errors import InputError
-from s2a.scene.geometry.mesh_ops import silhouette, upright_box
 from s2a.scene.scene import Joint, Part, Scene, Vec3
+from s2a.scene.upright_box import silhouette, upright_box
 from s2a.scene.usd.joints import KINDS, site_point
 from s2a.scene.usd.stage import ROOT, check_ids, new_stage, open_stage, read_attribute, reading, save, write_attribute
 

@@ -9,12 +9,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.homes import clutter, draw, objects
+from s2a.homes import clutter, objects, solids
 from s2a.homes.casework import Cell, Column, Footing, cabinet
 from s2a.homes.clutter import Board
-from s2a.homes.draw import chance, integer, pick
 from s2a.homes.fronts import DRAWER, OPEN, Style
-from s2a.homes.solids import FABRIC, WOOD, Color, Piece, Surface, at, box, join, painted, posts, rotation
+from s2a.homes.solids import (
+    FABRIC,
+    WOOD,
+    Color,
+    Piece,
+    Surface,
+    at,
+    box,
+    chance,
+    integer,
+    join,
+    painted,
+    pick,
+    posts,
+    rotation,
+)
 
 OAK, SHEET = (176, 138, 96), (232, 230, 226)
 BED_TOP = 0.5  # [m] Height of a mattress' upper face
@@ -29,7 +43,7 @@ def bed(rng: np.random.Generator, style: Style, color: Color) -> tuple[list[Piec
         return _box_bed(rng, style, color, (wide, long), sides), wide / 2 + 0.04, {-1, 1} - set(sides)
     top, count = BED_TOP, 1 + (wide > 1.3)
     pillows = _pillows(rng, wide, count, top, 0.32)
-    pieces = [_framed_bed(wide, long, color), _duvet(rng, wide, long, draw.random_color(rng, 120, 240)), *pillows]
+    pieces = [_framed_bed(wide, long, color), _duvet(rng, wide, long, solids.random_color(rng, 120, 240)), *pillows]
     return pieces, wide / 2 + 0.08, {-1, 1}
 
 
@@ -54,7 +68,7 @@ def _box_bed(
     board = box((0, head - 0.004), (-half, half), (0, high + rng.uniform(0.35, 0.7)), color, FABRIC)
     mattress = objects.cushion((long - 0.02, wide, 0.2), SHEET, 24.0, 9.0).moved(at(middle, 0, high + 0.104))
     top = high + 0.206
-    blanket = objects.cushion((0.62 * long, wide - 0.04, 0.06), draw.random_color(rng, 120, 240), 20.0, 9.0)
+    blanket = objects.cushion((0.62 * long, wide - 0.04, 0.06), solids.random_color(rng, 120, 240), 20.0, 9.0)
     cover = Piece("blanket", blanket.moved(at(head + 0.66 * long, 0, top + 0.03)))
     pillows = _pillows(rng, wide, 1 + (wide > 1.3), top, 0.3)
     return [Piece("bed", join(board, *boards, mattress)), *chests, cover, *pillows]
@@ -64,7 +78,7 @@ def _pillows(rng: np.random.Generator, wide: float, count: int, top: float, x: f
     each = wide / count
     size = (0.4, min(0.7, each - 0.08), rng.uniform(0.1, 0.16))
     return [
-        objects.pillow(size, draw.random_color(rng, 120, 240)).moved(
+        objects.pillow(size, solids.random_color(rng, 120, 240)).moved(
             at(x, (i + 0.5) * each - wide / 2, top + 0.002, rng.uniform(-3, 3))
         )
         for i in range(count)

@@ -11,10 +11,9 @@ import numpy as np
 
 from s2a.homes import clutter, fronts, grips
 from s2a.homes.clutter import Board
-from s2a.homes.draw import chance, integer
 from s2a.homes.fronts import BOTTOM, LEFT, RIGHT, TOP, Opening, Side, Style, cabinet_body, hinged
 from s2a.homes.grips import GripDesign, upright
-from s2a.homes.solids import Piece, Surface, at, box, join, posts
+from s2a.homes.solids import Piece, Surface, at, box, chance, integer, join, posts
 from s2a.scene.scene import Joint
 
 HANDLE_HEIGHT = 1.05  # [m] Height above the floor at which handles of doors are put if the door reaches there

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.homes import household, objects
-from s2a.homes.draw import integer, pick, random_color
 from s2a.homes.objects import SPINES
-from s2a.homes.solids import FABRIC, WOOD, Piece, at, box, cylinder, join, lathe
+from s2a.homes.solids import FABRIC, WOOD, Piece, at, box, cylinder, integer, join, lathe, pick, random_color
 
 Maker = Callable[[np.random.Generator], Piece]
 MARGIN = 0.008  # Between two objects, and between an object and a wall [m]

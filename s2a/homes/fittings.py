@@ -12,12 +12,26 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.homes import clutter, fronts, grips, objects
-from s2a.homes.draw import chance, integer, pick
 from s2a.homes.floor_plan import Crowded, FloorPlan
 from s2a.homes.fronts import BOTTOM, LEFT, RIGHT, Palette, hinged
 from s2a.homes.grips import QUARTER, upright
 from s2a.homes.room import Hole
-from s2a.homes.solids import WOOD, Color, Piece, Surface, at, box, cylinder, join, prism, rotation, stadium
+from s2a.homes.solids import (
+    WOOD,
+    Color,
+    Piece,
+    Surface,
+    at,
+    box,
+    chance,
+    cylinder,
+    integer,
+    join,
+    pick,
+    prism,
+    rotation,
+    stadium,
+)
 from s2a.scene.scene import Joint
 
 GLASS: Color = (120, 150, 165)

@@ -8,10 +8,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.homes import draw, grips
-from s2a.homes.draw import chance, pick, weighted
+from s2a.homes import grips, solids
 from s2a.homes.grips import QUARTER, GripDesign
-from s2a.homes.solids import PLAIN, WOOD, Color, Piece, Surface, at, boards_around, box, join, rotation
+from s2a.homes.solids import (
+    PLAIN,
+    WOOD,
+    Color,
+    Piece,
+    Surface,
+    at,
+    boards_around,
+    box,
+    chance,
+    join,
+    pick,
+    rotation,
+    weighted,
+)
 from s2a.scene.scene import Joint
 
 
@@ -99,7 +112,7 @@ class Palette:
 
 def random_palette(rng: np.random.Generator) -> Palette:
     """Return the colours of a home."""
-    cloth = draw.random_color(rng, 60, 200)
+    cloth = solids.random_color(rng, 60, 200)
     return Palette(_near(rng, pick(rng, WOODS)), _near(rng, pick(rng, PAINTS)), pick(rng, grips.METALS), cloth)
 
 

@@ -7,12 +7,11 @@ import numpy as np
 
 from s2a.core.errors import InputError
 from s2a.homes import room_kinds
-from s2a.homes.draw import Range, integer
 from s2a.homes.fittings import doors, lamps, sockets, windows
 from s2a.homes.floor_plan import Crowded, FloorPlan
 from s2a.homes.fronts import Palette, random_palette
 from s2a.homes.room import Outline, Room, cad, catalog, moves, outline, paints, structure
-from s2a.homes.solids import Piece
+from s2a.homes.solids import Piece, Range, integer
 from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 
 FREE = 0.3  # [m] Least distance of a scanner from everything

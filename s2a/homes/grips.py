@@ -12,21 +12,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.homes.draw import Range, chance, pick, weighted
 from s2a.homes.solids import (
     Color,
     Piece,
+    Range,
     Surface,
     at,
     boards_around,
     box,
+    chance,
     cylinder,
     join,
     lathe,
     painted,
+    pick,
     prism,
     rotation,
     stadium,
+    weighted,
 )
 
 STEEL: Color = (158, 160, 164)

@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from s2a.homes.draw import pick
 from s2a.homes.fronts import open_box
 from s2a.homes.grips import STEEL
 from s2a.homes.solids import (
@@ -20,6 +19,7 @@ from s2a.homes.solids import (
     ellipsoid,
     join,
     lathe,
+    pick,
     rotation,
     translation,
 )

@@ -14,10 +14,9 @@ import numpy as np
 
 from s2a.homes import grips, household
 from s2a.homes.casework import Cell, Column, Footing, cabinet
-from s2a.homes.draw import chance, integer, pick
 from s2a.homes.fronts import DRAWER, Opening, Style
 from s2a.homes.household import basin, counter, faucet
-from s2a.homes.solids import WOOD, Color, Piece, at, box, cylinder, join, posts
+from s2a.homes.solids import WOOD, Color, Piece, at, box, chance, cylinder, integer, join, pick, posts
 
 
 @dataclass(frozen=True)

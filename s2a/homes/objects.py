@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.homes import draw
+from s2a.homes import solids
 from s2a.homes.solids import (
     FABRIC,
     PLAIN,
@@ -29,7 +29,7 @@ SPINES: list[Color] = [(150, 40, 40), (36, 70, 120), (40, 100, 70), (200, 160, 6
 
 def office_chair(rng: np.random.Generator) -> Piece:
     """Return a swivel chair on a five-armed base, its back rest towards -x."""
-    cloth = draw.pick(rng, CLOTH)
+    cloth = solids.pick(rng, CLOTH)
     arms = [box((0.03, 0.3), (-0.02, 0.02), (0.06, 0.1), BLACK).moved(at(0, 0, 0, 72 * i)) for i in range(5)]
     wheels = [ellipsoid((0.06, 0.04, 0.06), BLACK).moved(at(0, 0, 0, 72 * i) @ at(0.29, 0, 0.03)) for i in range(5)]
     column = cylinder(0.03, 0.36, BLACK).moved(at(0, 0, 0.06))
@@ -52,7 +52,7 @@ def chair() -> Piece:
 def book(rng: np.random.Generator, standing: bool = True) -> tuple[Piece, float]:
     """Return a book and how much width it takes along y [m]: upright with its spine at x = 0, or lying."""
     thick, tall, deep = rng.uniform(0.018, 0.05), rng.uniform(0.19, 0.27), rng.uniform(0.13, 0.19)
-    color = draw.pick(rng, SPINES)
+    color = solids.pick(rng, SPINES)
     cover = box((-deep, 0), (-thick / 2, thick / 2), (0, tall), color)
     y = (-thick / 2 + 0.003, thick / 2 - 0.003)
     pages = box((-deep - 0.001, -0.004), y, (0.003, tall + 0.001), (238, 232, 214))
@@ -84,7 +84,7 @@ def mouse() -> Piece:
 
 def cup(rng: np.random.Generator) -> Piece:
     """Return a mug with an ear towards -x."""
-    color = draw.pick(rng, SPINES)
+    color = solids.pick(rng, SPINES)
     body = lathe([(0, 0), (0.042, 0), (0.042, 0.095), (0.037, 0.095), (0.037, 0.006), (0, 0.006)], color)
     ear = [box((-0.072, -0.04), (-0.007, 0.007), (z, z + 0.012), color) for z in (0.02, 0.066)]
     return Piece("cup", join(body, *ear, box((-0.074, -0.062), (-0.007, 0.007), (0.02, 0.078), color)))
@@ -164,7 +164,7 @@ def ceiling_lamp() -> Piece:
 
 def bag(rng: np.random.Generator) -> Piece:
     """Return a backpack that stands on the floor."""
-    cloth = draw.pick(rng, CLOTH)
+    cloth = solids.pick(rng, CLOTH)
     body = ellipsoid((0.24, 0.34, 0.5), cloth, FABRIC).moved(at(0, 0, 0.24))
     return Piece("backpack", join(body, ellipsoid((0.12, 0.26, 0.24), cloth, FABRIC).moved(at(0.11, 0, 0.15))))
 
@@ -208,7 +208,7 @@ def clothes(rng: np.random.Generator, count: int) -> Piece:
     """Return a pile of folded clothes, 0.26 m deep, 0.3 m wide and 4 cm high each."""
     layers = []
     for i in range(count):
-        layer = cushion((0.26, 0.3, 0.042), draw.random_color(rng, 60, 220), 9.0, 4.0)
+        layer = cushion((0.26, 0.3, 0.042), solids.random_color(rng, 60, 220), 9.0, 4.0)
         layers.append(layer.moved(at(0, rng.uniform(-0.008, 0.008), 0.021 + 0.04 * i, rng.uniform(-3, 3))))
     return Piece("clothes", join(*layers))
 
@@ -274,7 +274,7 @@ def alarm_clock() -> Piece:
 
 def photo(rng: np.random.Generator) -> Piece:
     """Return a framed photograph that leans on its strut."""
-    image = draw.random_color(rng, 70, 220)
+    image = solids.random_color(rng, 70, 220)
     paper = box((0, 0.0015), (-0.062, 0.062), (0.018, 0.202), image)
     frame = join(box((-0.012, 0), (-0.08, 0.08), (0, 0.22), OAK, WOOD), paper)
     strut = box((-0.06, -0.052), (-0.02, 0.02), (0, 0.16), BLACK).moved(rotation((0, 0.12, 0)) @ at(0, 0, 0.004))
@@ -298,7 +298,7 @@ def pendant_lamp(drop: float, radius: float = 0.22) -> Piece:
 
 def slippers(rng: np.random.Generator) -> Piece:
     """Return a pair of slippers, their toes towards +x."""
-    color = draw.random_color(rng, 60, 180)
+    color = solids.random_color(rng, 60, 180)
     shoes = []
     for y in (-0.06, 0.06):
         sole = ellipsoid((0.27, 0.1, 0.03), color, FABRIC).moved(at(0, y, 0.015, rng.uniform(-8, 8)))

@@ -13,10 +13,9 @@ import numpy as np
 from s2a.homes import clutter, grips, objects
 from s2a.homes.casework import Cell, Column, Footing, cabinet, column
 from s2a.homes.clutter import Board
-from s2a.homes.draw import chance, integer, pick
 from s2a.homes.floor_plan import CLEAR, measured, meet
 from s2a.homes.fronts import DRAWER, OPEN, Opening, Style
-from s2a.homes.solids import Color, Piece, at, box, join, posts
+from s2a.homes.solids import Color, Piece, at, box, chance, integer, join, pick, posts
 
 # Colours of sheet steel
 SHEET: tuple[Color, ...] = (

@@ -11,8 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from s2a.homes.draw import chance, integer, pick
-from s2a.homes.solids import PLAIN, Color, Piece, Surface, at, box, join, painted, rotation, translation
+from s2a.homes.solids import (
+    PLAIN,
+    Color,
+    Piece,
+    Surface,
+    at,
+    box,
+    chance,
+    integer,
+    join,
+    painted,
+    pick,
+    rotation,
+    translation,
+)
 from s2a.scene.scene import Part, Scene
 
 Size = tuple[float, float, float]  # Inner width, depth and height of a room [m]

@@ -9,11 +9,10 @@ from s2a.homes import beds, clutter, fittings, household, objects, sanitary, sto
 from s2a.homes import kitchen as units
 from s2a.homes import office as furniture
 from s2a.homes.clutter import Board
-from s2a.homes.draw import chance, integer, pick, random_color
 from s2a.homes.floor_plan import FloorPlan
 from s2a.homes.fronts import Palette, Style, random_palette, random_style
 from s2a.homes.kitchen import Fitted, fitted
-from s2a.homes.solids import Piece, at
+from s2a.homes.solids import Piece, at, chance, integer, pick, random_color
 
 # [m] Free floor before furniture that opens: in most rooms, where people wash, in hallways
 STAND, WASH_STAND, HALL_STAND = 1.0, 0.9, 0.85

@@ -11,12 +11,26 @@ import numpy as np
 
 from s2a.homes import fronts, grips
 from s2a.homes.casework import Cell, Column, Footing, cabinet
-from s2a.homes.draw import chance, integer, pick
 from s2a.homes.fronts import DRAWER, LEFT, OPEN, RIGHT, Opening, Style, cabinet_body, hinged, lid
 from s2a.homes.grips import QUARTER, cup, edge
 from s2a.homes.household import CHROME, basin, counter, faucet
 from s2a.homes.kitchen import STEEL, WHITE
-from s2a.homes.solids import Color, Piece, Surface, at, box, cylinder, join, lathe, painted, posts, rotation
+from s2a.homes.solids import (
+    Color,
+    Piece,
+    Surface,
+    at,
+    box,
+    chance,
+    cylinder,
+    integer,
+    join,
+    lathe,
+    painted,
+    pick,
+    posts,
+    rotation,
+)
 from s2a.scene.scene import Joint
 
 CERAMIC: Color = (240, 240, 238)

@@ -17,9 +17,8 @@ import numpy as np
 from s2a.homes import clutter, fronts, grips
 from s2a.homes.casework import Cell, Column, Footing, cabinet, column, door_grips
 from s2a.homes.clutter import Board
-from s2a.homes.draw import chance, integer, pick
 from s2a.homes.fronts import DRAWER, OPEN, Opening, Style, lid, open_box
-from s2a.homes.solids import FABRIC, Color, Piece, at, box, join, lathe
+from s2a.homes.solids import FABRIC, Color, Piece, at, box, chance, integer, join, lathe, pick
 from s2a.scene.scene import Joint
 
 CAP = (0.016, 0.03)  # Thickness of a top board [m]

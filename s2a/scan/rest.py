@@ -229,7 +229,7 @@ def _borders(surface: ScanMesh, owner: np.ndarray) -> np.ndarray:
     pairs = np.flatnonzero((sides[1:] == sides[:-1]).all(axis=1) & (owner[face[1:]] != owner[face[:-1]]))
     ends = surface.vertices[sides[pairs]].astype(np.float64)
     length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    return sum(np.bincount(face[pairs + side], length, len(owner)) for side in (0, 1))
+    return np.bincount(np.concatenate([face[pairs], face[pairs + 1]]), np.tile(length, 2), len(owner))
 
 
 def _body(corners: np.ndarray, border: np.ndarray, component: np.ndarray, structure: bool) -> np.ndarray:

@@ -115,7 +115,7 @@ ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "s2a/core/bounds.py": (("least",), "AtLeast(4) reads as the bound it is"),
     "s2a/core/check.py": (("least",), "at_least(...) and at_most(...) read as the bounds they are"),
     "s2a/learn/rl/config.py": (("epochs",), "num_learning_epochs, rsl_rl's own name"),
-    "s2a/homes/draw.py": (("draw",), "random draws"),
+    "s2a/homes/solids.py": (("draw",), "random draws"),
     "s2a/homes/fittings.py": (("openings",), "doors and windows of a room"),
     "s2a/homes/objects.py": (("picture",), "a framed one, which hangs on a wall"),
     "s2a/tasks/open_part.py": (("openings",), "task.bonus_openings: displacements of the grasp point"),

@@ -11,11 +11,11 @@ from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.certify.contents import STRUCTURE
 from s2a.certify.report import images, png
 from s2a.core.errors import CheckFailed, InputError
-from s2a.core.outputs import Output, atomic_write, refuse_loss, require_writable
+from s2a.core.outputs import Output, atomic_write, refuse_loss
 from s2a.core.provenance import provenance
 from s2a.robot import Robot
 from s2a.scene.geometry.camera import OrbitCamera
-from s2a.scene.usd.stamp import content_hash, files, write_stamp
+from s2a.scene.usd.stamp import content_hash, files, require_stampable, write_stamp
 from s2a.view.report.results import validation_report
 
 RECORD = "report.json"
@@ -55,7 +55,7 @@ def run(config: Config) -> str:
     parts = [held.part] if config.part else list(contents.parts(held))
     done = report.kept(config.out / RECORD, content_hash(config.stage), settings, provenance("cpu"), parts)
     if config.stamp and not done:
-        require_writable(config.stage, "give stamp=false, or copy it to where it can be stamped")
+        require_stampable(config.stage)
     results = done or _write(config)
     if config.stamp and not done:
         write_stamp(config.stage, {result.target: result.passed for result in results})

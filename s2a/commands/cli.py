@@ -43,7 +43,7 @@ ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")  # How an argument begins that is k
 SURROGATES = re.compile("[\ud800-\udfff]")  # What stands in an argument for bytes that are no UTF-8
 _HELP = re.compile(r'"""Command `s2a [\w-]+`: (.*?)\.(?:\n|""")', re.S)
 # What the system answers where the path or its permissions are the cause
-UNREACHED = (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS)
+UNREACHED = (errno.ENOENT, errno.ENOTDIR, errno.EACCES, errno.EPERM, errno.EROFS)
 FLAGS = ("--help", "-h", "--help-all", "--version", "--debug", "--multirun", "-m")
 
 
@@ -80,6 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _said(error: Exception) -> str:
     """Return the message of an error of the user or of the system, with what to do about the latter."""
+    if isinstance(error, FileNotFoundError) and error.filename is None:  # of os.getcwd
+        return "the current folder does not exist any more; change to another one"
     if not isinstance(error, OSError) or not isinstance(error.filename, str) or not error.strerror:
         return str(error)
     remedy = "; check the path and its permissions" if error.errno in UNREACHED else ""

@@ -180,6 +180,7 @@ REFUSABLE = {
     "whole": r"\bstream\w*\b.{0,24}(?:mode|only|true|required|parameter)|(?:only|must)\b.{0,24}\bstream",
     "system": r"role\W+(?:\w+\W+){0,4}system|\bsystem\W+(?:role|message|prompt|instruction)|developer instruction|must alternate",
 }
+THOUGHT_FIELDS = ("reasoning_content", "reasoning")  # Of a message: what a model wrote to itself
 EVENTS = re.compile(rb"(?:\s|:[^\n]*\n|event:[^\n]*\n)*data:")  # The beginning of a response that comes in parts
 REFUSALS = (400, 404, 415, 422, 500, 501)  # Status of a response that refuses a request as it is
 FILTERS = re.compile(
@@ -277,7 +278,7 @@ class Chat:
         except InputError:
             raise
         except Exception as error:  # of the client, its transport, or what they make of an odd response
-            text = printable(" ".join(_words(error).split())[:300]) or type(error).__name__
+            text = _line(_words(error)) or type(error).__name__
             remedy = "check OPENAI_BASE_URL, OPENAI_API_KEY and llm.model, or give llm=rules"
             if FILTERS.search(text):
                 remedy = "its filter refuses the question: word prompt and label otherwise, or set another llm.model"
@@ -353,8 +354,9 @@ class Chat:
         """Return a response as a dictionary."""
         try:
             body = _gathered(text) if EVENTS.match(text) else json.loads(text)
-            if isinstance(body, dict) and body.get("error") and not body.get("choices"):
-                reason = printable(" ".join(str(body["error"]).split())[:300])
+            failures = [each.get("error") for each in (body, *(body.get("choices") or [])) if isinstance(each, dict)]
+            if any(failures):
+                reason = _line(str(next(filter(None, failures))))
                 raise InputError(
                     f"model {self._config.model!r} at {self._client.base_url} failed: {reason}; check llm.model"
                 )
@@ -362,7 +364,7 @@ class Chat:
                 raise TypeError("the message is no object")
         except InputError:
             raise
-        except (ValueError, TypeError, LookupError, RecursionError) as error:
+        except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
             raise InputError(
                 f"{self._client.base_url} answered what is no chat completion: {text[:80]!r}; check OPENAI_BASE_URL"
             ) from error
@@ -373,11 +375,9 @@ class Chat:
         """Return what a response says; what is not text is nothing. Tokens that it does not tell are estimated."""
         choice = body["choices"][0]
         message = choice["message"]
-        text, refusal = message.get("content"), message.get("refusal")
-        if isinstance(text, list):  # parts: thoughts, and the answer
-            parts = [part for part in text if isinstance(part, dict)]
-            refusal = "".join(str(part.get("refusal") or "") for part in parts)
-            text = "".join(str(part.get("text", "")) for part in parts if part.get("type") in ("text", "output_text"))
+        text, refusal = _text(message.get("content")), message.get("refusal")
+        if not refusal and isinstance(message.get("content"), list):
+            refusal = "".join(str(part.get("refusal") or "") for part in message["content"] if isinstance(part, dict))
         calls = message.get("tool_calls")
         call = message.get("function_call")  # how some servers give an object of a schema
         if not call and isinstance(calls, list) and len(calls) == 1 and isinstance(calls[0], dict):
@@ -386,6 +386,7 @@ class Chat:
             text = call.get("arguments")
             text = json.dumps(text) if isinstance(text, dict) else text
         text = encodable(text) if isinstance(text, str) else ""
+        thoughts = any(message.get(name) for name in THOUGHT_FIELDS)
         reason, cut = str(choice.get("finish_reason")), ""
         if reason.lower() in ("length", "max_tokens", "model_length", "max_output_tokens"):
             limit = f"llm.max_tokens={self._config.max_tokens}"
@@ -398,7 +399,9 @@ class Chat:
         elif FILTERS.search(reason):
             cut = "was cut by the endpoint's filter; word prompt and label otherwise"
         elif not text and isinstance(refusal, str) and refusal:
-            cut = f"is a refusal: {printable(' '.join(refusal.split())[:200])}; word prompt and label otherwise"
+            cut = f"is a refusal: {_line(refusal)}; word prompt and label otherwise"
+        elif not text and thoughts:
+            cut = "holds thoughts and nothing else; change how the server tells thoughts from answers"
         counts = body.get("usage")
         usage = counts if isinstance(counts, dict) else {}
         prompt, completion = (usage.get(key) for key in ("prompt_tokens", "completion_tokens"))
@@ -415,19 +418,40 @@ class Chat:
 
 def _gathered(text: bytes) -> dict[str, Any]:
     """Return a response that came in parts, as events of a stream, as if it had come whole."""
-    content, reason, usage, error = "", None, None, None
+    message, calls = dict.fromkeys(("content", "refusal", *THOUGHT_FIELDS), ""), dict[Any, str]()
+    reason = usage = error = None
     for line in text.splitlines():
         data = line[5:].strip() if line.startswith(b"data:") else b""
         if data in (b"", b"[DONE]"):
             continue
         part = json.loads(data)
         error, usage = part.get("error") or error, part.get("usage") or usage
-        for choice in part.get("choices", [])[:1]:
-            content += (choice.get("delta") or choice.get("message") or {}).get("content") or ""
-            reason = choice.get("finish_reason") or reason
-    if error and not content:
-        return {"error": error}
-    return {"choices": [{"message": {"content": content}, "finish_reason": reason}], "usage": usage}
+        for choice in (part.get("choices") or [])[:1]:
+            delta = choice.get("delta") or choice.get("message") or {}
+            for name in message:
+                message[name] += _text(delta.get(name))
+            for call in delta.get("tool_calls") or []:
+                calls.setdefault(call.get("index"), "")
+                calls[call.get("index")] += (call.get("function") or {}).get("arguments") or ""
+            reason, error = choice.get("finish_reason") or reason, choice.get("error") or error
+    tools = [{"function": {"arguments": each}} for each in calls.values()]
+    choice = {"message": {**message, "tool_calls": tools}, "finish_reason": reason, "error": error}
+    return {"choices": [choice], "usage": usage}
+
+
+def _text(content: Any) -> str:
+    """Return the text of a content: a text, an object of a schema, or parts, of which thoughts and others are none."""
+    if isinstance(content, list):
+        kinds = ("text", "output_text")
+        parts = [part.get("text") if isinstance(part, dict) and part.get("type") in kinds else part for part in content]
+        return "".join(part for part in parts if isinstance(part, str))
+    return json.dumps(content) if isinstance(content, dict) else content if isinstance(content, str) else ""
+
+
+def _line(words: str) -> str:
+    """Return the words of an endpoint as a short line, without the key, which some repeat."""
+    key = os.environ.get("OPENAI_API_KEY", "")
+    return printable(" ".join((words.replace(key, "***") if len(key) > 7 else words).split())[:300])
 
 
 def _words(error: Exception) -> str:

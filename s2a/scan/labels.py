@@ -7,7 +7,7 @@ from collections.abc import Mapping
 _log = logging.getLogger(__name__)
 
 IndexPath = tuple[str, ...]
-_REMOVED = re.compile(r"[\W_]*(to[\W_]+be[\W_]+)?removed?(?![a-z])", re.IGNORECASE)
+_REMOVED = re.compile(r"[\W_]*(to[\W_]+(be[\W_]+)?)?removed?(?![a-z])", re.IGNORECASE)
 _SPLIT = re.compile(r"[\W_]*split[\W_\d]*$", re.IGNORECASE)
 
 

@@ -86,7 +86,7 @@ GREY = 170
 
 _FARTHEST = 1e9
 """Texture coordinate from where on float64 tells no texels apart."""
-REPEAT, CLAMP, MIRROR = "repeat", "clamp", "mirror"
+REPEAT, CLAMP, MIRROR, BLACK = "repeat", "clamp", "mirror", "black"
 """What a texture shows beyond coordinates of 0 to 1."""
 
 
@@ -97,7 +97,7 @@ class Material:
     Attributes:
         color: linear RGB from 0 to 1, shape [3]; multiplies texture and corners.
         texture: sRGB, shape [row column 3], uint8, first row on top; None without one.
-        wrap: of the texture, along u and v: REPEAT, CLAMP or MIRROR.
+        wrap: of the texture, along u and v: REPEAT, CLAMP, MIRROR or BLACK.
     """
 
     color: np.ndarray
@@ -209,6 +209,7 @@ def bilinear(texture: np.ndarray, uv: np.ndarray, wrap: tuple[str, str] = (REPEA
     right, down = (x - column)[..., None].astype(np.float32), (y - row)[..., None].astype(np.float32)
     rows = [_wrapped(row + i, height, wrap[1]) for i in (0, 1)]
     columns = [_wrapped(column + j, width, wrap[0]) for j in (0, 1)]
+    texture = np.pad(texture, ((0, 1), (0, 1), (0, 0))) if BLACK in wrap else texture
     at = [[texture[r, c].astype(np.float32) for c in columns] for r in rows]
     top, bottom = (line[0] * (1 - right) + line[1] * right for line in at)
     mixed: np.ndarray = top * (1 - down) + bottom * down
@@ -219,6 +220,8 @@ def _wrapped(texel: np.ndarray, count: int, wrap: str) -> np.ndarray:
     """Return the texels of an image that stand for those beyond it."""
     if wrap == CLAMP:
         return np.clip(texel, 0, count - 1)
+    if wrap == BLACK:  # which the row behind the last one is
+        return np.where((texel >= 0) & (texel < count), texel, count)
     if wrap == MIRROR:
         turned = texel % (2 * count)
         return np.where(turned < count, turned, 2 * count - 1 - turned)

@@ -12,7 +12,7 @@ import numpy as np
 from pxr import Ar, Usd, UsdShade
 
 from s2a.core.color_space import to_bytes, to_linear
-from s2a.scan.source import CLAMP, MIRROR, PLAIN, REPEAT, Material, beside, decode, has_holes
+from s2a.scan.source import BLACK, CLAMP, MIRROR, PLAIN, REPEAT, Material, beside, decode, has_holes
 
 _log = logging.getLogger(__name__)
 
@@ -28,7 +28,9 @@ TEXTURES = (
 ).split()
 FACTORS = ("diffuse_tint", "albedo_brightness", "base", "base_weight")
 """Inputs of surfaces: colours, images of MDL, and what multiplies both."""
-WRAPS = {"clamp": CLAMP, "mirror": MIRROR, "black": CLAMP}
+WRAPS = {"clamp": CLAMP, "mirror": MIRROR, "black": BLACK}
+# Colour spaces of colours that are levels as shown; others are linear light
+SHOWN = ("sRGB", "srgb_texture", "srgb_rec709_display", "srgb_rec709_scene")
 RAW = ("raw", "Raw", "lin_rec709", "lin_srgb", "lin_rec709_scene")
 READERS = ("UsdPrimvarReader_float3", "UsdPrimvarReader_float4", "ND_geompropvalue_color3", "ND_geompropvalue_color4")
 
@@ -149,7 +151,10 @@ class UsdMaterials:
                     return Appearance(Material(np.ones(3)), primvar=str(name))
                 return None
             value = attribute.Get(self._time)
-            return None if value is None else Appearance(Material(np.array(value, dtype=np.float64)[:3]))
+            if value is None:
+                return None
+            color = np.array(value, dtype=np.float64)[:3]
+            return Appearance(Material(to_linear(color) if str(attribute.GetColorSpace()) in SHOWN else color))
         return None
 
     def _texture(self, source: UsdShade.Shader) -> Appearance:

@@ -24,10 +24,7 @@ from s2a.scene.usd import descriptive, geometric, sim_stage
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.joints import KINDS, is_body, joint_ends, read_joint, site_point
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
-from s2a.scene.usd.stage import ENCODINGS, open_stage, read_attribute, reading, xyzw
-
-# Ending of a room with all its files in one; a scanning app's package is no room, which opening it says
-PACKAGE = ".usdz"
+from s2a.scene.usd.stage import ENCODINGS, PACKAGE, open_stage, read_attribute, reading, xyzw
 
 
 def read(path: Path) -> Scene | SimRoom | dict[str, DescribedPart]:

@@ -272,7 +272,7 @@ def test_too_little_memory_is_one_line_and_no_bug(
 
 @pytest.mark.parametrize(
     ("number", "is_path"),
-    [(errno.ENOENT, True), (errno.EACCES, True), (errno.EPERM, True), (errno.EROFS, True)]
+    [(number, True) for number in (errno.ENOENT, errno.ENOTDIR, errno.EACCES, errno.EPERM, errno.EROFS)]
     + [(errno.ENOSPC, False), (errno.EISDIR, False), (errno.EMFILE, False)],
 )
 def test_only_errors_of_a_path_or_its_permissions_have_them_as_the_remedy(
@@ -284,6 +284,14 @@ def test_only_errors_of_a_path_or_its_permissions_have_them_as_the_remedy(
     monkeypatch.setattr("s2a.commands.export.run", fail)
     message = refused(capsys, ["export", "scan=x", f"out={tmp_path / 'y'}"])
     assert f"/scans/hall.ply: {os.strerror(number)}" in message and ("check the path" in message) == is_path
+
+
+def test_a_current_folder_that_was_deleted_is_named(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    monkeypatch.chdir(tmp_path)
+    tmp_path.rmdir()
+    assert "the current folder does not exist any more" in refused(capsys, ["export", "scan=x", "out=y"])
 
 
 def test_a_user_without_a_home_has_one_for_caches(tmp_path: Path):

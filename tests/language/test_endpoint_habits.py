@@ -59,6 +59,20 @@ def with_choice(**changes: Any) -> Said:
     return Said(json.dumps(body).encode())
 
 
+def streamed(*deltas: dict[str, Any], **last: Any) -> Said:
+    """Return a completion in parts of any kind, ended as Windows ends lines, and what comes after them."""
+    lines = [json.dumps({"choices": [{"index": 0, "delta": delta}]}) for delta in deltas] + [json.dumps(last)] * bool(
+        last
+    )
+    text = "".join(f"event: message\r\ndata: {line}\r\n\r\n" for line in [*lines, "[DONE]"])
+    return Said(text.encode(), headers={"Content-Type": "text/event-stream"})
+
+
+def call(arguments: str) -> dict[str, Any]:
+    """Return a part of a tool's call."""
+    return {"tool_calls": [{"index": 0, "function": {"arguments": arguments}}]}
+
+
 def events(*parts: str, reason: str = "stop") -> Said:
     """Return a completion in parts."""
     chunks = [{"choices": [{"index": 0, "delta": {"content": part}, "finish_reason": None}]} for part in parts]
@@ -86,6 +100,8 @@ def forbidding(request: dict[str, Any]) -> Said:
 PAGE = Said(b"<html><h1>502 Bad Gateway</h1></html>", 502, headers={"Content-Type": "text/html", "retry-after-ms": "1"})
 LIMIT = failure(429, "Rate limit reached for requests")
 LIMIT.headers = {"Retry-After": "1"}
+HOUR = failure(429, "slow down")
+HOUR.headers = {"Retry-After": "3600"}
 CALL = {"id": "1", "type": "function", "function": {"name": "answer", "arguments": ANSWER}}
 HABITS = {
     "max_completion_tokens": Habit((refusing(400, "Unsupported parameter: 'max_tokens'", "max_tokens"),), "", 2),
@@ -127,6 +143,23 @@ HABITS = {
     ),
     "no balance": Habit((failure(402, "Insufficient Balance"),), "Insufficient Balance", 1, 0),
     "slow": Habit((Said(b"", wait=3.0),), "did not end its answer in time; raise llm.timeout|timed out", 2, 0),
+    "an error that is fine": Habit(
+        (Said(b'{"error": {"message": "Provider returned error"}}'),), "Provider returned", 1
+    ),
+    "an error in place of a choice": Habit(
+        (with_choice(finish_reason="error", error={"message": "Provider died"}, message={"content": ANSWER[:9]}),),
+        "Provider died",
+    ),
+    "an error in a stream": Habit((streamed({"content": ANSWER[:9]}, error={"message": "overloaded"}),), "overloaded"),
+    "a call in a stream": Habit((streamed(call(ANSWER[:9]), call(ANSWER[9:])),)),
+    "a refusal in a stream": Habit((streamed({"refusal": "I can"}, {"refusal": "not."}),), "a refusal: I cannot"),
+    "parts in a stream": Habit((streamed({"content": [{"type": "text", "text": ANSWER}]}, choices=None),)),
+    "an object for the content": Habit((message(json.loads(ANSWER)),)),
+    "texts for the content": Habit((message([ANSWER[:9], ANSWER[9:]]),)),  # type: ignore[arg-type]
+    "thoughts alone": Habit((message("", reasoning_content=ANSWER),), "thoughts and nothing else"),
+    "thoughts alone in a stream": Habit((streamed({"reasoning": ANSWER}),), "thoughts and nothing else"),
+    "429 for an hour": Habit((HOUR,), "slow down", 1, 0),
+    "a key that is repeated": Habit((failure(401, "Incorrect API key: secret-key"),), r"API key: \*\*\*", 1, 0),
     "parts of content": Habit((message([{"type": "text", "text": ANSWER}]),)),  # type: ignore[arg-type]
     "parts of an output": Habit(
         (message([{"type": "reasoning", "text": "{"}, {"type": "output_text", "text": ANSWER}]),)  # type: ignore[arg-type]

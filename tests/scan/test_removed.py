@@ -29,7 +29,10 @@ def faces(scene: Any) -> dict[str, int]:
     return {part_id: len(part.mesh.faces) for part_id, part in scene.parts.items()}
 
 
-@pytest.mark.parametrize("label", ["REMOVE", "remove", " Remove ", "REMOVE_2", "remove.1", "Removed", "remove (ghost)"])
+@pytest.mark.parametrize(
+    "label",
+    ["REMOVE", "remove", " Remove ", "REMOVE_2", "remove.1", "Removed", "remove (ghost)", "to_remove"],
+)
 def test_artefacts_of_scannetpp_are_left_out_with_their_count(
     label: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

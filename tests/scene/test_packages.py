@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 import usd_room
+from cabinet import write_cabinet
 from pxr import UsdUtils
 
 from s2a.commands import cli
-from s2a.scene.usd import geometric
+from s2a.core.errors import InputError
+from s2a.scene.usd import geometric, stamp
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +52,22 @@ def test_a_package_of_another_program_is_one_line_that_names_import(
         assert cli.main(["view", f"path={tmp_path / 'scan.usdz'}", more]) == 2
         message = capsys.readouterr().err
         assert message.count("\n") == 1 and "scan.usdz" in message and "s2a import mesh=" in message
+
+
+def test_a_package_of_a_simulated_room_is_validated_as_its_stage_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stage, package = write_cabinet(tmp_path / "sim.usda"), tmp_path / "sim.usdz"
+    stamp.write_stamp(stage, {"drawer_2": True})
+    assert UsdUtils.CreateNewUsdzPackage(str(stage), str(package))
+    verdict = stamp.read_stamp(package)
+    assert verdict == stamp.read_stamp(stage) and verdict is not None and verdict.valid
+    assert stamp.layer_hash(package) == stamp.layer_hash(stage)
+    with pytest.raises(InputError, match="cannot be stamped; give stamp=false"):
+        stamp.require_stampable(package)
+    table = tmp_path / "zero.json"
+    keys = [f"stage={package}", "num_envs=1", "agent=zero", "device=cpu", f"out={table}"]
+    assert cli.main(["evaluate", *keys]) == 0 and table.is_file()
 
 
 def test_a_name_from_a_file_is_text_in_the_page(tmp_path: Path) -> None:

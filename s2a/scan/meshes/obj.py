@@ -122,6 +122,7 @@ def _libraries(folder: Path, names: str) -> list[str]:
 def _library(mesh: Path, file: Path) -> dict[str, Painted]:
     materials: dict[str, Painted] = {}
     current, textured, transparent, plain = "", set[str](), set[str](), dict[str, None]()
+    shown: dict[str, np.ndarray] = {}
     for line in lines(file):
         key, *words = line.split() or [""]
         if not words:
@@ -131,16 +132,19 @@ def _library(mesh: Path, file: Path) -> dict[str, Painted]:
             if current not in materials:
                 materials[current], plain[current] = GREY_PAINT, None
         elif key == "Kd" and current in materials:
-            color = _color(mesh, file, line)
             plain.pop(current, None)
-            if color is not None and current not in textured:
-                materials[current] = Painted(Material(color), np.ones(2), np.zeros(2))
+            if (color := _color(mesh, file, line)) is not None:
+                shown[current] = color
         elif key.lower() == "map_kd" and current in materials:
             materials[current] = _textured(mesh, file, name_of(line))
             plain.pop(current, None)
             textured.add(current)
         elif key == "map_d" or (key in _OPAQUE and _is_number(words[-1]) and float(words[-1]) != _OPAQUE[key]):
             transparent.add(current)
+    # Some programs write levels of 255, which all colours of a library show together.
+    for name, levels in zip(shown, fractions(np.array(list(shown.values()))), strict=True):
+        if name not in textured:
+            materials[name] = Painted(Material(to_linear(levels).astype(np.float64)), np.ones(2), np.zeros(2))
     if transparent:
         _log.warning("%s: %s: %d materials are transparent, and become opaque", mesh, file.name, len(transparent))
     if plain:
@@ -150,7 +154,7 @@ def _library(mesh: Path, file: Path) -> dict[str, Painted]:
 
 
 def _color(mesh: Path, file: Path, line: str) -> np.ndarray | None:
-    """Return the linear colour of a `Kd` line, whose numbers are levels as shown; None, and a warning, if they are none."""
+    """Return the levels of a `Kd` line as shown, shape [3]; None, and a warning, if they are none."""
     words = line.split("#")[0].split()[1:]
     try:
         values = np.array([float(word) for word in words[:3]])
@@ -159,16 +163,16 @@ def _color(mesh: Path, file: Path, line: str) -> np.ndarray | None:
     except ValueError:
         _log.warning("%s: %s: %r is no colour; its faces become grey", mesh, file.name, line.strip()[:60])
         return None
-    return to_linear(np.repeat(values, 3) if len(values) == 1 else values).astype(np.float64)
+    return np.repeat(values, 3) if len(values) == 1 else values
 
 
 def _textured(mesh: Path, file: Path, text: str) -> Painted:
     """Return the material of a map: options, then the file's name, which may hold spaces, quotes and #."""
     folders = (file.parent, mesh.parent)  # names count from the library, but some exporters mean the mesh
-    place = next(((folder, text) for folder in folders if beside(folder, text)), None)
-    options: dict[str, list[str]] = {}
-    if place is None:
-        options, name = _options(text)
+    options, name = _options(text)
+    # With options before it, the end of a path alone would be found, and the options be lost.
+    place = next(((folder, text) for folder in folders if (folder / text).is_file() or not options), None)
+    if place is None or not beside(*place):
         names = (name, name.split(" #")[0].strip(), short(name))
         place = next(((folder, each) for each in names for folder in folders if each and beside(folder, each)), None)
         place = place or (file.parent, name)
@@ -211,8 +215,9 @@ NAME = "OBJ"
 ENDINGS = (".obj",)
 NO_COORDINATE = -2
 """Texture coordinate of a corner that names one which does not exist."""
-LOST = {"l": "lines", "p": "points", "curv": "curves", "surf": "free-form surfaces"}
+LOST = {"l": "lines", "p": "points", "curv": "curves", "surf": "free-form surfaces", "call": "files that it calls"}
 """Elements that are left out, with a warning."""
+POLYPAINT = "#MRGB"  # Begins the comments in which ZBrush writes colours of vertices
 
 
 def recognise(path: Path) -> bool:
@@ -284,6 +289,7 @@ class _Text:
         current, lost = -1, Counter[str]()
         for number, line in enumerate(lines(path), 1):
             key, *words = line.split("#")[0].split() or [""]
+            lost["lines of ZBrush's polypaint"] += line.startswith(POLYPAINT)
             try:
                 if key == "v":
                     self.vertices.append([float(word) for word in words])
@@ -310,7 +316,7 @@ class _Text:
                 raise InputError(
                     f"{path}: line {number} {line[:60]!r} cannot be read ({error}); export it again"
                 ) from error
-        for what, count in lost.items():
+        for what, count in (+lost).items():
             _log.warning("%s: %d %s are left out", path, count, what)
 
 

@@ -30,8 +30,11 @@ ENDSOLID = re.compile(
     rb"(?:^|[\r\n])[ \t]*end[ \t]?solid\b[^\r\n]*(?:[\r\n][ \t]*(?:#[^\r\n]*)?)*[\s\0\x1a]*\Z", re.IGNORECASE
 )
 """The end of a text STL file: a name may follow, and comments."""
-HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF")
-"""The first word of an OFF file: what its vertices have beside coordinates, in the order of its letters but for the colour."""
+HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF(\d*)")
+"""The first word of an OFF file: what its vertices have beside coordinates, in the order of its letters but for the colour.
+
+Some programs write the number of vertices right behind it.
+"""
 
 
 def recognise(path: Path) -> bool:
@@ -100,7 +103,7 @@ def _off(path: Path) -> SourceMesh:
             f"{path}: has {' '.join(rows[0][:2])}, which is not read; export it as text with three coordinates"
         )
     if header is not None:
-        rows[0] = rows[0][1:]
+        rows[0] = [header[6], *rows[0][1:]] if header[6] else rows[0][1:]
     rows = [row for row in rows if row]
     vertices, faces = int(rows[0][0]), int(rows[0][1])
     if not 0 < vertices + faces <= len(rows) - 1 or min(vertices, faces) < 0:

@@ -50,7 +50,7 @@ def read(path: Path) -> SourceMesh:
     if not 0 <= faces.min() <= faces.max() < len(points):
         raise InputError(f"{path}: a face names vertex {faces.max()} of {len(points)}; export it again")
     uv, number, materials = _textures(path, file, faces, corners, polygon)
-    colors = _colors(path, vertex, face, faces, polygon)
+    colors = _colors(path, file, faces, polygon)
     if not materials and np.isnan(colors).all() and _coordinates(file) != (None, None):
         _log.warning("%s: has texture coordinates, and no texture that is read; its faces become grey", path)
     colors[number >= 0] = np.nan  # a texture holds the colours already
@@ -59,12 +59,11 @@ def read(path: Path) -> SourceMesh:
 
 def _polygons(file: PlyFile, face: Element | None) -> Lists | None:
     """Return the vertices of the polygons; triangle strips, as Stanford's first files have them, become triangles."""
-    if face is not None and (lists := ply.corner_lists(face)) is not None:
-        return lists
+    own = None if face is None else ply.corner_lists(face)
     strips = file.elements.get("tristrips")
     lists = None if strips is None else ply.corner_lists(strips)
-    if lists is None:
-        return None
+    if lists is None or (own is not None and len(own.counts)):
+        return own
     values = lists.values.astype(np.int64)
     windows = np.stack([values[:-2], values[1:-1], values[2:]], axis=1)
     ends = np.repeat(np.cumsum(lists.counts), lists.counts)  # a strip ends at -1, too, and begins anew after it
@@ -78,12 +77,18 @@ def _polygons(file: PlyFile, face: Element | None) -> Lists | None:
     return Lists(np.full(int(whole.sum()), 3), windows[whole].ravel())
 
 
-def _colors(path: Path, vertex: Element, face: Element | None, faces: np.ndarray, polygon: np.ndarray) -> np.ndarray:
-    """Return the colours of the corners, linear, shape [face 3 3], float32: those of vertices, else of faces, else NaN."""
+def _colors(path: Path, file: PlyFile, faces: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+    """Return the colours of the corners, linear, shape [face 3 3], float32: of vertices, faces or their materials, else NaN."""
+    vertex, face = file.elements["vertex"], file.elements.get("face")
     levels = ply.color_levels(path, vertex)
     if levels is not None:
         return to_linear(levels / 255)[faces]
     levels = None if face is None or not len(face.lists) else ply.color_levels(path, face)
+    material, index = file.elements.get("material"), None if face is None else face.columns.get("material_index")
+    if levels is None and material is not None and index is not None:
+        listed = ply.color_levels(path, material)
+        if listed is not None and 0 <= index.min(initial=0) <= index.max(initial=0) < len(listed):
+            levels = listed[index.astype(np.int64)]
     if levels is not None:
         return np.repeat(to_linear(levels / 255)[polygon][:, None], 3, axis=1)
     return np.full((*faces.shape, 3), np.nan, dtype=np.float32)

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
+from s2a.core.color_space import to_linear
 from s2a.core.errors import InputError
 from s2a.scan.polygons import triangulate
 from s2a.scan.source import Material, SourceMesh, Stated, joined
-from s2a.scan.usd_materials import Appearance, UsdMaterials
+from s2a.scan.usd_materials import SHOWN, Appearance, UsdMaterials
 from s2a.scene.usd.stage import reading, refuse_deep
 
 AROUND, ALONG = 32, 16
@@ -131,6 +132,7 @@ NAME = "USD"
 ENDINGS = (".usdz", ".usd", ".usda", ".usdc")
 STANDINS = (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy)
 """Purposes of what renderers do not show: colliders, and simple shapes in place of others."""
+UNIT = "metersPerUnit"
 DEEPEST = 16
 """Instancers within instancers."""
 DAMAGE = (TypeError, ValueError, IndexError, AttributeError, KeyError, OverflowError, MemoryError)
@@ -174,8 +176,12 @@ def read(path: Path) -> SourceMesh:
 def _stated(stage: Usd.Stage) -> Stated:
     """Return the stage's up axis and unit, where it states them itself: USD's fallbacks are no statement."""
     up = str(UsdGeom.GetStageUpAxis(stage)).lower() if stage.HasAuthoredMetadata("upAxis") else None
-    unit = UsdGeom.GetStageMetersPerUnit(stage) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else None
-    return Stated(up, unit, NAME)
+    return Stated(up, _unit(stage.GetRootLayer().pseudoRoot), NAME)
+
+
+def _unit(root: Sdf.PrimSpec) -> float | None:
+    """Return the metres a unit that a layer states, which some programs write as a float, and USD's own query refuses then."""
+    return float(root.GetInfo(UNIT)) if root.HasInfo(UNIT) else None
 
 
 class _Reader:
@@ -224,7 +230,7 @@ class _Reader:
         """Return whether a layer states another up axis or unit than the stage has."""
         stated = _stated(self._stage)
         up = str(root.GetInfo("upAxis")).lower() if root.HasInfo("upAxis") else stated.up
-        unit = root.GetInfo("metersPerUnit") if root.HasInfo("metersPerUnit") else stated.unit
+        unit = _unit(root) or stated.unit
         same = stated.unit is None or UsdGeom.LinearUnitsAre(unit, stated.unit)
         return stated.up not in (None, up) or not same
 
@@ -286,10 +292,11 @@ class _Reader:
         if shape is None:
             self._lost[f"prims of type {prim.GetTypeName()} are left out"] += 1
             return None
-        if prim.HasRelationship("skel:skeleton"):
+        if prim.HasRelationship("skel:skeleton") or prim.HasAttribute("primvars:skel:jointIndices"):
             self._lost["meshes on a skeleton stand in their bind pose"] += 1
         scheme = prim.GetAttribute("subdivisionScheme")
-        if scheme and scheme.HasAuthoredValue() and str(scheme.Get()) != UsdGeom.Tokens.none:
+        flat = (UsdGeom.Tokens.none, UsdGeom.Tokens.bilinear)
+        if scheme and scheme.HasAuthoredValue() and str(scheme.Get()) not in flat:
             self._lost["subdivision surfaces are read as their cages"] += 1
         if few := int((shape.counts < 3).sum()):
             self._lost["faces with fewer than 3 corners are left out"] += few
@@ -369,6 +376,8 @@ class _Primvars:
         if flat.size % max(len(flat), 1) or flat.size // max(len(flat), 1) < width:
             return missing
         values = flat.reshape(len(flat), -1)[:, :width]
+        if str(primvar.GetAttr().GetColorSpace()) in SHOWN:
+            values = to_linear(values)
         place = {"faceVarying": self._corner[corners], "constant": np.zeros_like(corners)}
         place["uniform"] = np.broadcast_to(polygon[:, None], corners.shape)
         at = place.get(str(primvar.GetInterpolation()), self._shape.indices[corners])

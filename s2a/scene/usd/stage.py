@@ -24,6 +24,8 @@ TEXT, BLOCK, DEEPEST = b"#usda", 1 << 22, 5000
 BRACKETS = np.zeros(256, np.int8)
 BRACKETS[list(b"([{")], BRACKETS[list(b")]}")] = 1, -1
 ENCODINGS = (".usd", ".usda", ".usdc")  # File names end so: binary, text, binary
+# Ending of a room with all its files in one; a scanning app's package is no room, which opening it says
+PACKAGE = ".usdz"
 
 
 def new_stage() -> Usd.Stage:

@@ -2,15 +2,16 @@
 
 import hashlib
 import os
-from collections.abc import Mapping
+import zipfile
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from pxr import Ar, Sdf, Usd
 
 from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
-from s2a.scene.usd.stage import reading, refuse_deep, save_layer
+from s2a.core.outputs import atomic_write, require_writable
+from s2a.scene.usd.stage import PACKAGE, reading, refuse_deep, save_layer
 
 
 def files(path: Path) -> list[Path]:
@@ -43,9 +44,27 @@ class Stamp:
 def content_hash(path: Path) -> str:
     """Return the SHA-256 of the content of all files that a stage is made of, its own without a stamp."""
     digest = hashlib.sha256(layer_hash(path).encode())
-    for file in files(path)[1:]:
-        digest.update(file.read_bytes())
+    for data in _others(path):
+        digest.update(data)
     return digest.hexdigest()
+
+
+def _others(path: Path) -> Iterator[bytes]:
+    """Yield what the files of a stage hold beside its own layer; those of a package are in it."""
+    if path.suffix.lower() != PACKAGE:
+        yield from (file.read_bytes() for file in files(path)[1:])
+        return
+    with zipfile.ZipFile(path) as package:
+        yield from (package.read(name) for name in sorted(package.namelist()[1:]))
+
+
+def require_stampable(path: Path) -> None:
+    """Raise an InputError with what to do unless a stage can be stamped."""
+    if path.suffix.lower() == PACKAGE:
+        raise InputError(
+            f"{path}: a package cannot be stamped; give stamp=false, or certify the stage that it was made of"
+        )
+    require_writable(path, "give stamp=false, or copy it to where it can be stamped")
 
 
 def layer_hash(path: Path) -> str:
@@ -84,7 +103,7 @@ def _open(path: Path) -> Sdf.Layer:
 
 
 def _copy(path: Path) -> Sdf.Layer:
-    copy = Sdf.Layer.CreateAnonymous(path.suffix)
+    copy = Sdf.Layer.CreateAnonymous(".usda" if path.suffix.lower() == PACKAGE else path.suffix)
     with reading(path):
         copy.TransferContent(_open(path))
     return copy

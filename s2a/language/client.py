@@ -383,9 +383,8 @@ class Chat:
         if not call and isinstance(calls, list) and len(calls) == 1 and isinstance(calls[0], dict):
             call = calls[0].get("function")
         if not text and isinstance(call, dict):
-            text = call.get("arguments")
-            text = json.dumps(text) if isinstance(text, dict) else text
-        text = encodable(text) if isinstance(text, str) else ""
+            text = _text(call.get("arguments"))
+        text = encodable(text)
         thoughts = any(message.get(name) for name in THOUGHT_FIELDS)
         reason, cut = str(choice.get("finish_reason")), ""
         if reason.lower() in ("length", "max_tokens", "model_length", "max_output_tokens"):

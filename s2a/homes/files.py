@@ -14,7 +14,7 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
 from s2a.homes.room import Entry
-from s2a.scan.gltf_file import container
+from s2a.scan.gltf_file import FLOAT, UNSIGNED_INT, packed
 from s2a.scene.scene import Joint, Mesh
 
 # Articulate3D's semantic group of a part by its name; everything else is "others"
@@ -197,7 +197,26 @@ def write(path: Path, vertices: np.ndarray, faces: np.ndarray, paint: Paint) -> 
     indices = np.arange(len(corners), dtype="<u4")
     file = io.BytesIO()
     Image.fromarray(image).save(file, format="PNG")
-    _container(path, corners, coordinates, indices, file.getvalue())
+    material = {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
+    document = {
+        "asset": {"version": "2.0", "generator": "s2a sample"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": "scan"}],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 2, "material": 0}]}],
+        "materials": [{"pbrMetallicRoughness": material, "doubleSided": True}],  # as dull as paint, from both sides
+        "textures": [{"source": 0}],
+        "images": [{"bufferView": 3, "mimeType": "image/png"}],
+    }
+    low, high = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    arrays: list[tuple[np.ndarray, dict[str, Any] | None]] = [
+        (corners, {"componentType": FLOAT, "type": "VEC3", "min": low, "max": high}),
+        (coordinates, {"componentType": FLOAT, "type": "VEC2"}),
+        (indices, {"componentType": UNSIGNED_INT, "type": "SCALAR"}),
+        (np.frombuffer(file.getvalue(), np.uint8), None),
+    ]
+    path.write_bytes(packed(document, arrays))
 
 
 def _squares(count: int, across: int) -> np.ndarray:
@@ -240,46 +259,3 @@ def _texture(triangles: np.ndarray, across: int, paint: Paint) -> np.ndarray:
         y = squares[some, 1][:, None] + row.ravel()[mine]
         image[y.ravel(), x.ravel()] = colors
     return image
-
-
-def _container(path: Path, corners: np.ndarray, coordinates: np.ndarray, indices: np.ndarray, image: bytes) -> None:
-    blocks = [corners.tobytes(), coordinates.tobytes(), indices.tobytes(), image]
-    padded = [block + b"\0" * (-len(block) % 4) for block in blocks]
-    offsets = np.cumsum([0, *(len(block) for block in padded)])
-    content = {
-        "asset": {"version": "2.0", "generator": "s2a sample"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": "scan"}],
-        **_look(),
-        "accessors": _accessors(corners, len(coordinates), len(indices)),
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": int(start), "byteLength": len(block)}
-            for start, block in zip(offsets, blocks, strict=False)
-        ],
-        "buffers": [{"byteLength": int(offsets[-1])}],
-    }
-    text = json.dumps(content, separators=(",", ":")).encode()
-    path.write_bytes(container(text, b"".join(padded)))
-
-
-def _look() -> dict[str, Any]:
-    """Return the mesh with its material: the image, as dull as paint, from both sides."""
-    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
-    paint = {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0, "roughnessFactor": 1.0}
-    return {
-        "meshes": [{"primitives": [{"attributes": attributes, "indices": 2, "material": 0, "mode": 4}]}],
-        "materials": [{"pbrMetallicRoughness": paint, "doubleSided": True}],
-        "textures": [{"source": 0}],
-        "images": [{"bufferView": 3, "mimeType": "image/png"}],
-    }
-
-
-def _accessors(corners: np.ndarray, coordinates: int, indices: int) -> list[dict[str, Any]]:
-    """Return what the first three blocks hold: 5126 are floats, 5125 are unsigned integers."""
-    low, high = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
-    return [
-        {"bufferView": 0, "componentType": 5126, "count": len(corners), "type": "VEC3", "min": low, "max": high},
-        {"bufferView": 1, "componentType": 5126, "count": coordinates, "type": "VEC2"},
-        {"bufferView": 2, "componentType": 5125, "count": indices, "type": "SCALAR"},
-    ]

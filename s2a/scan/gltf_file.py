@@ -5,6 +5,7 @@ import json
 import math
 import struct
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote_to_bytes
@@ -16,6 +17,7 @@ from s2a.scan.source import CLAMP, MIRROR, PLAIN, REPEAT, Material, beside, deco
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4", 5130: "f8"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+FLOAT, UNSIGNED_SHORT, UNSIGNED_INT = 5126, 5123, 5125
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _COMPRESSED = {"KHR_draco_mesh_compression": "Draco"}
 _COMPRESSED |= dict.fromkeys(("EXT_meshopt_compression", "KHR_meshopt_compression"), "meshopt")
@@ -126,8 +128,18 @@ class GltfFile:
         return values
 
 
-def container(text: bytes, payload: bytes) -> bytes:
-    """Return the bytes of a GLB file (glTF 2.0) from its JSON and its buffer, whose length is a multiple of 4."""
+def packed(document: dict[str, Any], arrays: Sequence[tuple[np.ndarray, dict[str, Any] | None]]) -> bytes:
+    """Return a GLB file (glTF 2.0) from its JSON and the arrays of its buffer views, each with its accessor if it has one."""
+    payload, views, accessors = b"", list[dict[str, Any]](), list[dict[str, Any]]()
+    for number, (array, accessor) in enumerate(arrays):
+        view = {"buffer": 0, "byteOffset": len(payload), "byteLength": array.nbytes}
+        # A stride is possible only for what belongs to vertices.
+        is_vertices = accessor is not None and accessor["type"] != "SCALAR"
+        views.append(view | ({"byteStride": array.strides[0]} if is_vertices else {}))
+        accessors += [{"bufferView": number, "count": len(array)} | accessor] if accessor else []
+        payload += array.tobytes() + b"\0" * (-array.nbytes % 4)
+    lists = {"buffers": [{"byteLength": len(payload)}], "bufferViews": views, "accessors": accessors}
+    text = json.dumps({"asset": {"version": "2.0"}} | document | lists, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(payload), b"BIN\0") + payload
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -3,7 +3,6 @@
 Files of coloured meshes are as modellers export them: the coordinates as they are, the colours in each format's own way.
 """
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from pxr import Usd, UsdGeom, Vt
 from s2a.core.color_space import to_linear
 from s2a.homes.solids import rotation, translation
 from s2a.homes.zoo.shapes import ZooObject
-from s2a.scan.gltf_file import container
+from s2a.scan.gltf_file import FLOAT, UNSIGNED_INT, UNSIGNED_SHORT, packed
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import save
 
@@ -54,27 +53,18 @@ def write_glb(path: Path, mesh: Mesh, unit: float, up: str) -> None:
     """
     colors = np.full((len(mesh.vertices), 4), 65535, "<u2")
     colors[:, :3] = np.round(65535 * to_linear(_colors(mesh)))
-    blocks = [mesh.vertices.astype("<f4").tobytes(), colors.tobytes(), mesh.faces.astype("<u4").tobytes()]
-    starts = np.cumsum([0] + [len(block) for block in blocks])
     low, high = mesh.bounds.astype(np.float32).tolist()
-    accessors = [
-        {"bufferView": 0, "componentType": 5126, "count": len(colors), "type": "VEC3", "min": low, "max": high},
-        {"bufferView": 1, "componentType": 5123, "normalized": True, "count": len(colors), "type": "VEC4"},
-        {"bufferView": 2, "componentType": 5125, "count": mesh.faces.size, "type": "SCALAR"},
-    ]
     document = {
-        "asset": {"version": "2.0"},
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2}]}],
-        "accessors": accessors,
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": int(start), "byteLength": len(block)}
-            for start, block in zip(starts, blocks, strict=False)
-        ],
-        "buffers": [{"byteLength": int(starts[-1])}],
     }
-    path.write_bytes(container(json.dumps(document).encode(), b"".join(blocks)))
+    arrays: list[tuple[np.ndarray, dict[str, Any] | None]] = [
+        (mesh.vertices.astype("<f4"), {"componentType": FLOAT, "type": "VEC3", "min": low, "max": high}),
+        (colors, {"componentType": UNSIGNED_SHORT, "normalized": True, "type": "VEC4"}),
+        (mesh.faces.astype("<u4").ravel(), {"componentType": UNSIGNED_INT, "type": "SCALAR"}),
+    ]
+    path.write_bytes(packed(document, arrays))
 
 
 def write_usda(path: Path, mesh: Mesh, unit: float, up: str) -> None:

@@ -1,13 +1,12 @@
 """A mesh as binary glTF 2.0, small enough to travel: fewer faces, positions in 16 bits."""
 
-import json
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from s2a.core.color_space import to_linear
-from s2a.scan.gltf_file import container
+from s2a.scan.gltf_file import UNSIGNED_INT, UNSIGNED_SHORT, packed
 from s2a.scene.geometry.mesh_ops import vertex_normals
 from s2a.scene.scene import Mesh
 from s2a.view.page.room import PagePart, PageRoom
@@ -89,11 +88,9 @@ def brightness(mesh: Mesh) -> np.ndarray:
     return total / np.pi
 
 
-UNSIGNED_SHORT, UNSIGNED_INT = 5123, 5125
 MAX_SHORT = 65535
 MIN_EXTENT = 1e-6  # [m] A flat mesh's extent across itself is taken for this: a scale of zero has no inverse
 UNLIT = "KHR_materials_unlit"
-ALIGNMENT = 4
 # Linear RGB: what leaves the colours of vertices as they are, and the colour of surfaces without one
 WHITE, PLAIN = (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)
 
@@ -117,16 +114,14 @@ def encode(
     points[:, :3] = np.rint((mesh.vertices - low) / extent * MAX_SHORT)
     short = len(mesh.vertices) <= MAX_SHORT
     indices = mesh.faces.astype(np.uint16 if short else np.uint32).ravel()
-    arrays: list[tuple[np.ndarray, dict[str, Any]]] = [
-        (
-            indices,
-            {"componentType": UNSIGNED_SHORT if short else UNSIGNED_INT, "type": "SCALAR", "count": indices.size},
-        ),
-        (points, {"min": points[:, :3].min(axis=0).tolist(), "max": points[:, :3].max(axis=0).tolist()}),
+    vectors = {"componentType": UNSIGNED_SHORT, "type": "VEC3", "normalized": True}
+    arrays: list[tuple[np.ndarray, dict[str, Any] | None]] = [
+        (indices, {"componentType": UNSIGNED_SHORT if short else UNSIGNED_INT, "type": "SCALAR"}),
+        (points, vectors | {"min": points[:, :3].min(axis=0).tolist(), "max": points[:, :3].max(axis=0).tolist()}),
     ]
     attributes = {"POSITION": 1}
     if baked or (color is None and mesh.colors is not None):
-        arrays.append((_linear(mesh, brightness(mesh) / BRIGHTEST if baked else 1.0), {}))
+        arrays.append((_linear(mesh, brightness(mesh) / BRIGHTEST if baked else 1.0), vectors))
         attributes["COLOR_0"] = 2
     plain = WHITE if "COLOR_0" in attributes else PLAIN
     material = _material(color or plain, opacity, both_sides)
@@ -134,7 +129,6 @@ def encode(
         material["pbrMetallicRoughness"]["baseColorFactor"] = [*3 * (BRIGHTEST,), opacity]
         material["extensions"] = {UNLIT: {}}
     document = {
-        "asset": {"version": "2.0"},
         "extensionsUsed": ["KHR_mesh_quantization", *[UNLIT] * baked],
         "extensionsRequired": ["KHR_mesh_quantization"],
         "scene": 0,
@@ -143,7 +137,7 @@ def encode(
         "meshes": [{"primitives": [{"attributes": attributes, "indices": 0, "material": 0}]}],
         "materials": [material],
     }
-    return _packed(document, arrays)
+    return packed(document, arrays)
 
 
 def _material(color: Color, opacity: float, both_sides: bool) -> dict[str, Any]:
@@ -164,16 +158,3 @@ def _linear(mesh: Mesh, level: np.ndarray | float) -> np.ndarray:
     linear = np.full((len(colors), 4), MAX_SHORT, np.uint16)
     linear[:, :3] = np.rint(MAX_SHORT * colors)
     return linear
-
-
-def _packed(document: dict[str, Any], arrays: list[tuple[np.ndarray, dict[str, Any]]]) -> bytes:
-    """Return a document and the arrays of its accessors in glTF's container."""
-    payload, views, accessors = b"", [], []
-    for number, (array, facts) in enumerate(arrays):
-        view = {"buffer": 0, "byteOffset": len(payload), "byteLength": array.nbytes}
-        views.append(view | ({"byteStride": array.strides[0]} if array.ndim == 2 else {}))
-        vectors = {"componentType": UNSIGNED_SHORT, "type": "VEC3", "count": len(array), "normalized": True}
-        accessors.append((vectors if array.ndim == 2 else {}) | {"bufferView": number} | facts)
-        payload += array.tobytes() + b"\0" * (-array.nbytes % ALIGNMENT)
-    document |= {"buffers": [{"byteLength": len(payload)}], "bufferViews": views, "accessors": accessors}
-    return container(json.dumps(document, separators=(",", ":")).encode(), payload)

@@ -20,22 +20,17 @@ TRIM = 0.01  # Fraction of a region's area beyond each side of its rectangle: ra
 
 @dataclass(frozen=True)
 class GrowConfig:
-    """How a region grows.
+    """How a region grows."""
 
-    Attributes:
-        distance: largest distance of a face's middle from the plane [m]. A phone's mesh is smoothed, and waves by 5 mm.
-        angle: largest angle between a face and the plane [deg]. Noise tilts small faces.
-        edge: largest angle between two faces that share an edge [deg]. A phone rounds edges over several triangles.
-        color: largest difference of a face's colour from the region's, Euclidean in RGB. Shadows differ by 30,
-            neighbouring furniture by 80 and more.
-        thickness: how far behind the plane faces inside of a rectangle belong to it [m]. Sides of a front that a scan
-            shows.
-    """
-
+    # largest distance of a face's middle from the plane [m]. A phone's mesh is smoothed, and waves by 5 mm
     distance: Positive = 0.015
-    angle: Positive = 30.0
+    angle: Positive = 30.0  # largest angle between a face and the plane [deg]. Noise tilts small faces
+    # largest angle between two faces that share an edge [deg]. A phone rounds edges over several triangles
     edge: Positive = 25.0
+    # largest difference of a face's colour from the region's, Euclidean in RGB. Shadows differ by 30,
+    # neighbouring furniture by 80 and more
     color: Positive = 60.0
+    # how far behind the plane faces inside of a rectangle belong to it [m]. Sides of a front that a scan shows
     thickness: Positive = 0.03
 
 

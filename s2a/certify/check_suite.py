@@ -28,22 +28,17 @@ class CertifyConfig:
     """Settings of the check suite.
 
     Attributes:
-        shapes: bounds of the static rules about surfaces.
-        foundation: profile of NVIDIA's SimReady rules.
-        evidence: bounds of what the scanned surface may say.
-        gap: bounds on the finger gap.
         physics: how physics is stepped.
         motion: bounds of the checks without a gripper.
-        grip: the grasp-hold test.
     """
 
-    shapes: ShapeConfig = ShapeConfig()
-    foundation: FoundationConfig = FoundationConfig()
-    evidence: EvidenceConfig = EvidenceConfig()
-    gap: GapConfig = GapConfig()
+    shapes: ShapeConfig = ShapeConfig()  # bounds of the static rules about surfaces
+    foundation: FoundationConfig = FoundationConfig()  # profile of NVIDIA's SimReady rules
+    evidence: EvidenceConfig = EvidenceConfig()  # bounds of what the scanned surface may say
+    gap: GapConfig = GapConfig()  # bounds on the finger gap
     physics: PhysicsConfig
     motion: MotionConfig
-    grip: GripConfig = GripConfig()
+    grip: GripConfig = GripConfig()  # the grasp-hold test
 
 
 def certify(

@@ -110,20 +110,15 @@ def faces(prim: Usd.Prim) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ShapeConfig:
-    """Bounds of the static rules about surfaces.
+    """Bounds of the static rules about surfaces."""
 
-    Attributes:
-        dent: how far a point or face of a collider may lie inside of its convex hull [m]. Float32 points of a fraction
-            of a metre are exact to 1e-7.
-        target_hulls: most colliders of the part.
-        site: how far the grasp site may lie from the middle of the grasp region [m].
-        recess_site: the same of a recessed pull, across the approach [m]. A scanner sees little of the upper wall, so
-            that the mean of what it saw was off by 1 to 4 mm in three.
-    """
-
+    # how far a point or face of a collider may lie inside of its convex hull [m]. Float32 points of a fraction of
+    # a metre are exact to 1e-7
     dent: NotNegative = 0.0001
-    target_hulls: CountFromZero = 32
-    site: NotNegative = 0.001
+    target_hulls: CountFromZero = 32  # most colliders of the part
+    site: NotNegative = 0.001  # how far the grasp site may lie from the middle of the grasp region [m]
+    # the same of a recessed pull, across the approach [m]. A scanner sees little of the upper wall, so that the
+    # mean of what it saw was off by 1 to 4 mm in three
     recess_site: NotNegative = 0.008
 
 

@@ -31,15 +31,10 @@ POINTS = 1500  # Samples on either side
 
 @dataclass(frozen=True)
 class GapConfig:
-    """Bounds on the finger gap.
+    """Bounds on the finger gap."""
 
-    Attributes:
-        min_free_fraction: free fraction of each finger's space in the scan from which a part is graspable.
-        max_fill_ratio: gap fill ratio from which colliders block the fingers.
-    """
-
-    min_free_fraction: Fraction = 0.9
-    max_fill_ratio: Fraction = 0.01
+    min_free_fraction: Fraction = 0.9  # free fraction of each finger's space in the scan from which a part is graspable
+    max_fill_ratio: Fraction = 0.01  # gap fill ratio from which colliders block the fingers
 
 
 @dataclass(frozen=True)
@@ -154,37 +149,25 @@ PRESS_FORCE, ON_REGION = 1.0, 0.005
 
 @dataclass(frozen=True)
 class GripConfig:
-    """Settings of the grasp-hold test.
+    """Settings of the grasp-hold test."""
 
-    Attributes:
-        approach: length of the straight approach [m].
-        depths: how far the point between the pads goes past the grasp point [m]; the first that holds counts.
-        margins: clearance on either side of the region's thin section to which the fingers open before the approach [m],
-            besides fully open.
-        max_penetration: of the open gripper on its approach [m].
-        opened: how far the part is open meanwhile, as displacement of the grasp point [m]; at most half of its range.
-        force: of each finger [N]. The Franka Hand holds with up to 70 N.
-        damping: of each finger [N s/m].
-        gear: how stiffly the closed fingers resist moving to one side together [N/m].
-        close_time: to close [s].
-        pull: along the joint, towards its closed end, while the gripper stands still [N].
-        pull_time: how long [s].
-        slip: how far the part may move meanwhile [m].
-        dt: time step [s]; short, because at the steps of training MuJoCo's soft friction creeps by millimetres.
-    """
-
-    approach: Positive = STRAIGHT_APPROACH
+    approach: Positive = STRAIGHT_APPROACH  # length of the straight approach [m]
+    # how far the point between the pads goes past the grasp point [m]; the first that holds counts
     depths: Numbers = (0.0, 0.005, -0.005)
+    # clearance on either side of the region's thin section to which the fingers open before the approach [m],
+    # besides fully open
     margins: tuple[float, ...] = (0.012,)
-    max_penetration: NotNegative = 0.001
+    max_penetration: NotNegative = 0.001  # of the open gripper on its approach [m]
+    # how far the part is open meanwhile, as displacement of the grasp point [m]; at most half of its range
     opened: NotNegative = 0.05
-    force: Positive = 30.0
-    damping: NotNegative = 100.0
-    gear: NotNegative = 20000.0
-    close_time: Positive = 0.6
-    pull: NotNegative = 20.0
-    pull_time: Positive = 1.0
-    slip: NotNegative = 0.002
+    force: Positive = 30.0  # of each finger [N]. The Franka Hand holds with up to 70 N
+    damping: NotNegative = 100.0  # of each finger [N s/m]
+    gear: NotNegative = 20000.0  # how stiffly the closed fingers resist moving to one side together [N/m]
+    close_time: Positive = 0.6  # to close [s]
+    pull: NotNegative = 20.0  # along the joint, towards its closed end, while the gripper stands still [N]
+    pull_time: Positive = 1.0  # how long [s]
+    slip: NotNegative = 0.002  # how far the part may move meanwhile [m]
+    # time step [s]; short, because at the steps of training MuJoCo's soft friction creeps by millimetres
     dt: Positive = 0.001
 
 

@@ -30,13 +30,11 @@ class PhysicsConfig:
 
     Attributes:
         dt: time step [s].
-        iterations: of the constraint solver.
-        impratio: ratio of friction to normal impedance.
     """
 
     dt: Positive
-    iterations: Count = 50
-    impratio: Positive = 10.0
+    iterations: Count = 50  # of the constraint solver
+    impratio: Positive = 10.0  # ratio of friction to normal impedance
 
 
 class MujocoWorld:
@@ -200,27 +198,23 @@ class MotionConfig:
 
     Attributes:
         rest_time: for how long nothing may move [s].
-        rest_displacement: max displacement of any body then [m].
         open_time: for how long the part may not open by itself [s].
-        open: how far its grasp point may have moved then [m].
-        force: at the grasp point, with which the joint is swept, besides what carries its weight [N]. What a finger
-            pulls a kitchen drawer with.
-        weight_fraction: the same as a fraction of the weight of what moves, where that is more. Rollers resist with 2
-            to 3 % of the weight they carry: 60 kg take a hand, not a finger.
-        speed: of the grasp point during the sweep [m/s].
         poses: coordinates along the travel at which penetration is measured.
-        penetration: of colliders that no joint connects [m].
     """
 
     rest_time: Positive
-    rest_displacement: NotNegative = 0.001
+    rest_displacement: NotNegative = 0.001  # max displacement of any body then [m]
     open_time: Positive
-    open: NotNegative = 0.001
+    open: NotNegative = 0.001  # how far its grasp point may have moved then [m]
+    # at the grasp point, with which the joint is swept, besides what carries its weight [N]. What a finger pulls
+    # a kitchen drawer with
     force: Positive = 10.0
+    # the same as a fraction of the weight of what moves, where that is more. Rollers resist with 2 to 3 % of the
+    # weight they carry: 60 kg take a hand, not a finger
     weight_fraction: NotNegative = 0.05
-    speed: Positive = 0.25
+    speed: Positive = 0.25  # of the grasp point during the sweep [m/s]
     poses: Count
-    penetration: NotNegative = 0.001
+    penetration: NotNegative = 0.001  # of colliders that no joint connects [m]
 
 
 MOTION: Suite[MujocoWorld, MotionConfig] = Suite()  # Checks of the moving part without a gripper

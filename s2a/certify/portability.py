@@ -199,16 +199,11 @@ INSTALL = "pip install 's2a[simready]'"
 
 @dataclass(frozen=True)
 class FoundationConfig:
-    """What is asked of SimReady.
+    """What is asked of SimReady."""
 
-    Attributes:
-        profile: whose features are asked.
-        version: of the profile.
-        required: features that must pass; the others of the profile are reported.
-    """
-
-    profile: str = "Robotics-Prop"
-    version: str = "4.0.0"
+    profile: str = "Robotics-Prop"  # whose features are asked
+    version: str = "4.0.0"  # of the profile
+    # features that must pass; the others of the profile are reported
     required: tuple[str, ...] = ("FET_003_STANDARD", "FET_003_NEWTON", "FET_004_STANDARD", "FET_004_NEWTON")
 
 

@@ -98,17 +98,11 @@ RAYS = 32  # Directions around the base's axis in which what stands there is loo
 
 @dataclass(frozen=True)
 class BaseCheckConfig:
-    """Bounds on where a robot stands.
+    """Bounds on where a robot stands."""
 
-    Attributes:
-        floor: when it stands on scanned floor.
-        max_turn: how far the base may look past the grasp point [rad]. The first joint does the rest.
-        height: of the column above the base that must be free [m].
-    """
-
-    floor: FloorConfig = FloorConfig()
-    max_turn: Positive = 1.2
-    height: Positive = 0.6
+    floor: FloorConfig = FloorConfig()  # when it stands on scanned floor
+    max_turn: Positive = 1.2  # how far the base may look past the grasp point [rad]. The first joint does the rest
+    height: Positive = 0.6  # of the column above the base that must be free [m]
 
 
 def robot_base(
@@ -174,25 +168,20 @@ FACING = 0.8  # Cosine from which a hull's face stands for a scanned one: the ot
 
 @dataclass(frozen=True)
 class FidelityConfig:
-    """Bounds on the distance between colliders and scanned surface.
+    """Bounds on the distance between colliders and scanned surface."""
 
-    Attributes:
-        cover: a point of the surface is covered where a collider is this near [m]. Hulls of a scan miss it by 5 mm at
-            most, and a front is 20 mm thick.
-        max_uncovered: fraction of a body's surface that may be uncovered. Right stages: up to 0.04.
-        max_uncovered_room: the same for what is fixed around the part, whose colliders are cut for the gripper and the
-            path. Corridors of hand and path are cut: up to 0.21.
-        around: how far from the grasp point the room is asked [m]. What the arm can touch beside the part.
-        max_excess: how far a collider may reach from its body's surface [m]. Fronts are closed 20 mm behind their
-            scanned side: up to 0.061.
-        max_shift: how far a body's colliders may be shifted against its surface [m]. Right stages: up to 0.004.
-    """
-
+    # a point of the surface is covered where a collider is this near [m]. Hulls of a scan miss it by 5 mm at
+    # most, and a front is 20 mm thick
     cover: Positive = 0.02
-    max_uncovered: Fraction = 0.1
+    max_uncovered: Fraction = 0.1  # fraction of a body's surface that may be uncovered. Right stages: up to 0.04
+    # the same for what is fixed around the part, whose colliders are cut for the gripper and the path. Corridors
+    # of hand and path are cut: up to 0.21
     max_uncovered_room: Fraction = 0.4
-    around: Positive = 0.8
+    around: Positive = 0.8  # how far from the grasp point the room is asked [m]. What the arm can touch beside the part
+    # how far a collider may reach from its body's surface [m]. Fronts are closed 20 mm behind their scanned side:
+    # up to 0.061
     max_excess: Positive = 0.08
+    # how far a body's colliders may be shifted against its surface [m]. Right stages: up to 0.004
     max_shift: Positive = 0.005
 
 
@@ -325,17 +314,11 @@ OWN = "grasp_on_region"  # Asked of the grasp point that the file names (`grasp_
 
 @dataclass(frozen=True)
 class EvidenceConfig:
-    """What is asked of the scanned surface.
+    """What is asked of the scanned surface."""
 
-    Attributes:
-        joints: bounds of what it may say about an annotation, those of `s2a check`.
-        fidelity: bounds on the distance between colliders and surface.
-        base: bounds on where a robot stands.
-    """
-
-    joints: Bounds = Bounds()
-    fidelity: FidelityConfig = FidelityConfig()
-    base: BaseCheckConfig = BaseCheckConfig()
+    joints: Bounds = Bounds()  # bounds of what it may say about an annotation, those of `s2a check`
+    fidelity: FidelityConfig = FidelityConfig()  # bounds on the distance between colliders and surface
+    base: BaseCheckConfig = BaseCheckConfig()  # bounds on where a robot stands
 
 
 class Evidence:

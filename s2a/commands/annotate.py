@@ -39,9 +39,7 @@ class Config:
         port: of the page's server; the next free one where it is taken.
         max_faces: of the scan on the page; beyond, neighbouring vertices are merged.
         camera: where the page's camera begins.
-        grow: how regions grow.
         propose: how fronts are proposed.
-        evidence: what the surface may say about the annotation.
     """
 
     scan: Path
@@ -52,9 +50,9 @@ class Config:
     port: Annotated[int, AtLeast(1, 65535)]
     max_faces: Count
     camera: OrbitCamera
-    grow: GrowConfig = GrowConfig()
+    grow: GrowConfig = GrowConfig()  # how regions grow
     propose: ProposeConfig
-    evidence: Bounds = Bounds()
+    evidence: Bounds = Bounds()  # what the surface may say about the annotation
 
 
 def run(config: Config) -> str:

@@ -20,12 +20,11 @@ class Config:
     Attributes:
         scan: folder of the scan, or the geometric.usd of one.
         out: JSON file to write with every check, also those that pass; or null.
-        evidence: what the surface may say about the annotation.
     """
 
     scan: Path
     out: Output | None
-    evidence: Bounds = Bounds()
+    evidence: Bounds = Bounds()  # what the surface may say about the annotation
 
 
 def run(config: Config) -> str:

@@ -100,8 +100,6 @@ class Config(SeenWorldsConfig):
             for tools/soft_images.py.
         camera: how they are taken.
         physics: rigid, or soft: the planner picks and places a teddy bear, in worlds that are simulated one after the other.
-        soft: the bear.
-        soft_metrics: what is reported of it.
     """
 
     out: Output
@@ -115,8 +113,8 @@ class Config(SeenWorldsConfig):
     states: Output | None
     camera: CameraConfig
     physics: Literal["rigid", "soft"]
-    soft: SoftConfig = SoftConfig()
-    soft_metrics: SoftMetrics = SoftMetrics()
+    soft: SoftConfig = SoftConfig()  # the bear
+    soft_metrics: SoftMetrics = SoftMetrics()  # what is reported of it
 
 
 class Album:

@@ -24,13 +24,12 @@ class Config:
         scan: folder of the scan.
         out: folder that receives descriptive.usda and geometric.usd.
         check: Print what `s2a check` finds as warnings; needs s2a[sim].
-        evidence: what the surface may say about the annotation before a warning is printed.
     """
 
     scan: Path
     out: Output
     check: bool
-    evidence: Bounds = Bounds()
+    evidence: Bounds = Bounds()  # what the surface may say about the annotation before a warning is printed
 
 
 def run(config: Config) -> str:

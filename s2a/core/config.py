@@ -2,7 +2,7 @@
 
 A frozen dataclass, beside the code that uses it, holds the names, types, units and meaning of settings. Each value has one
 place. What someone has a reason to set, a document, a test, an experiment, a preset or a user, is a key: its value is in the
-tree `conf/`, and its field has no default. Any other value is the default of its field, with its source in the docstring, and
+tree `conf/`, and its field has no default. Any other value is the default of its field, with its source beside it, and
 no key: the command line refuses it as unknown, while callers in Python and settings of earlier runs may give it.
 `load` joins the two: a key that is missing, unknown or of another type is an error, and so is a value outside the bounds of its
 type (`s2a.core.bounds`).

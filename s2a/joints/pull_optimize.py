@@ -189,29 +189,23 @@ class PullConfig:
         time: cost of a second until the set-point stands [1/s].
         energy: of the work done on the handle [1/J].
         peak: of the greatest force on the handle [1/N].
-        end: distance from the goal that costs 1, root mean square from the end on [m]. Half a third of what a pull may
-            miss.
-        end_speed: speed that costs 1, likewise [m/s].
-        knots: coefficients of the set-point's cubic B-spline.
-        min_seconds: time of the set-point's motion, at least [s].
-        max_seconds: at most [s]; the same as `min_seconds` for a time that is given.
-        beyond: how far past the goal the set-point may go [m].
-        hold: for how long after its motion the part shall stay at the goal [s]. The arm's own time constant is 0.2 s.
-        rate: set-points a second [1/s], each for a step of physics. Of the controller.
         rounds: evaluations of the loss and its gradient, at most.
     """
 
     time: NotNegative
     energy: NotNegative
     peak: NotNegative
+    # distance from the goal that costs 1, root mean square from the end on [m]. Half a third of what a pull may
+    # miss
     end: Positive = 0.001
-    end_speed: Positive = 0.005
-    knots: Count = 16
-    min_seconds: Positive = 0.6
-    max_seconds: Positive = 4.0
-    beyond: NotNegative = 0.03
+    end_speed: Positive = 0.005  # speed that costs 1, likewise [m/s]
+    knots: Count = 16  # coefficients of the set-point's cubic B-spline
+    min_seconds: Positive = 0.6  # time of the set-point's motion, at least [s]
+    max_seconds: Positive = 4.0  # at most [s]; the same as `min_seconds` for a time that is given
+    beyond: NotNegative = 0.03  # how far past the goal the set-point may go [m]
+    # for how long after its motion the part shall stay at the goal [s]. The arm's own time constant is 0.2 s
     hold: Positive = 0.5
-    rate: Positive = 60.0
+    rate: Positive = 60.0  # set-points a second [1/s], each for a step of physics. Of the controller
     rounds: Count
 
 

@@ -201,7 +201,6 @@ class LlmConfig:
         attempts: retries after a broken connection, an overload or a server error; the wait doubles from half a second.
         temperature: sampling temperature; 0 for the likeliest answer.
         max_tokens: of an answer.
-        max_response_bytes: of a response; a longer one is an error.
         prices: US dollars per million tokens of the request and of the answer.
         answers: the recording, for replay.
     """
@@ -212,7 +211,7 @@ class LlmConfig:
     attempts: CountFromZero
     temperature: NotNegative
     max_tokens: Count
-    max_response_bytes: Count = 2000000
+    max_response_bytes: Count = 2000000  # of a response; a longer one is an error
     prices: tuple[NotNegative, NotNegative]
     answers: Path | None
 

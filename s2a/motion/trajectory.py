@@ -24,27 +24,22 @@ class PlannerConfig:
 
     Attributes:
         ik_seeds: starts of the inverse kinematics; each is followed along the whole tool path.
-        approach: distance from which the gripper moves straight to a grasp, and back from it [m].
-        depth: how far the pads reach past the grasp point, into the furniture [m].
         opening: path of the grasp point [m]; less where the joint ends earlier.
-        start_noise: how far an episode may start from the home position [rad]; for the time of the first motion. As in
-            conf/task.
-        reach_time: to the point of approach, and between others [s].
-        approach_time: from there to the grasp [s].
-        close_time: for the fingers to close [s].
         pull_time: to move the part along its joint by `opening` [s].
         pull_law: file of s2a optimize with a time law of that motion, in the place of `pull_time` and the planner's own; or null.
         seed: of the IK starts.
     """
 
     ik_seeds: Count
+    # distance from which the gripper moves straight to a grasp, and back from it [m]
     approach: Positive = STRAIGHT_APPROACH
-    depth: float = 0.0
+    depth: float = 0.0  # how far the pads reach past the grasp point, into the furniture [m]
     opening: Positive
+    # how far an episode may start from the home position [rad]; for the time of the first motion. As in conf/task
     start_noise: NotNegative = 0.125
-    reach_time: Positive = 2.0
-    approach_time: Positive = 1.0
-    close_time: Positive = 0.8
+    reach_time: Positive = 2.0  # to the point of approach, and between others [s]
+    approach_time: Positive = 1.0  # from there to the grasp [s]
+    close_time: Positive = 0.8  # for the fingers to close [s]
     pull_time: Positive
     pull_law: Path | None
     seed: CountFromZero

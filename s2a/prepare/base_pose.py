@@ -41,26 +41,19 @@ class BaseConfig:
     handle, facing it, on the floor.
 
     Attributes:
-        sides: how far to the side of the handle it may stand [m].
-        turns: how far it may look past the handle [rad].
-        pedestals: heights of what it may stand on [m].
-        approach: distance before the handle from which the gripper moves straight to it [m].
         opening: path of the handle that the arm has to follow [m]; less where the joint ends earlier.
-        ik_seeds: starts of the inverse kinematics at each place, for both gripper rolls.
-        query_radius: how far from the handle the room is looked at [m].
         search: other places than the preferred one are tried.
-        floor: when it stands on scanned floor; not asked where no part is labelled as floor.
     """
 
-    sides: Numbers = (0.0, -0.2, 0.2, -0.4, 0.4)
-    turns: Numbers = (0.0, -0.5, 0.5)
-    pedestals: Numbers = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-    approach: Positive = STRAIGHT_APPROACH
+    sides: Numbers = (0.0, -0.2, 0.2, -0.4, 0.4)  # how far to the side of the handle it may stand [m]
+    turns: Numbers = (0.0, -0.5, 0.5)  # how far it may look past the handle [rad]
+    pedestals: Numbers = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # heights of what it may stand on [m]
+    approach: Positive = STRAIGHT_APPROACH  # distance before the handle from which the gripper moves straight to it [m]
     opening: Positive
-    ik_seeds: Count = 16
-    query_radius: Positive = 1.6
+    ik_seeds: Count = 16  # starts of the inverse kinematics at each place, for both gripper rolls
+    query_radius: Positive = 1.6  # how far from the handle the room is looked at [m]
     search: bool
-    floor: FloorConfig = FloorConfig()
+    floor: FloorConfig = FloorConfig()  # when it stands on scanned floor; not asked where no part is labelled as floor
 
 
 @dataclass(frozen=True)

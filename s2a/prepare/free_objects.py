@@ -89,30 +89,21 @@ class FreeConfig:
     """How an object becomes a free body.
 
     Attributes:
-        search_radius: what carries an object is looked for within this distance of its lowest point [m].
-        min_component_area: fraction of its surface below which a disconnected component is left out.
-        hulls: largest number of its convex hulls, besides three support hulls; a gripper's contacts grow with them.
-        resolution: voxels of their decomposition.
-        max_vertices: largest number of vertices of a hull.
-        foot: thickness of the support hulls [m].
-        margin: how far the support's level top reaches beyond it [m].
-        thickness: of that top [m].
-        clearance: what is cut free around it [m].
         mass: what it weighs.
-        top: level tops of what carries objects.
     """
 
-    search_radius: Positive = 0.03
-    min_component_area: Fraction = 0.02
+    search_radius: Positive = 0.03  # what carries an object is looked for within this distance of its lowest point [m]
+    min_component_area: Fraction = 0.02  # fraction of its surface below which a disconnected component is left out
+    # largest number of its convex hulls, besides three support hulls; a gripper's contacts grow with them
     hulls: Count = 3
-    resolution: Count = 30000
-    max_vertices: Annotated[int, AtLeast(4)] = 32
-    foot: Positive = 0.004
-    margin: NotNegative = 0.05
-    thickness: Positive = 0.02
-    clearance: NotNegative = 0.003
+    resolution: Count = 30000  # voxels of their decomposition
+    max_vertices: Annotated[int, AtLeast(4)] = 32  # largest number of vertices of a hull
+    foot: Positive = 0.004  # thickness of the support hulls [m]
+    margin: NotNegative = 0.05  # how far the support's level top reaches beyond it [m]
+    thickness: Positive = 0.02  # of that top [m]
+    clearance: NotNegative = 0.003  # what is cut free around it [m]
     mass: MassConfig
-    top: TopConfig = TopConfig()
+    top: TopConfig = TopConfig()  # level tops of what carries objects
 
 
 @dataclass(frozen=True)

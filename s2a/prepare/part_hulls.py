@@ -58,23 +58,17 @@ class ColliderConfig:
     Attributes:
         method: "handle" (each part on its own, the grasp region finer, the finger gap kept free), "coacd" (the
             library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it fills the finger gap).
-        bar_slices: places along a bar-like handle at which its section is taken; similar neighbours become one hull.
-        handle_hulls: max number of hulls of a grasp region that is neither bar nor knob.
-        front_panel_hulls: max number of hulls of each other part.
-        thickness: of the front, inwards from its outer surface, of which alone a scan knows [m].
-        resolution: voxels of the decomposition.
-        max_vertices: max number of vertices of a hull.
-        seed: of the decomposition.
     """
 
     method: Literal["handle", "coacd", "one_hull"]
+    # places along a bar-like handle at which its section is taken; similar neighbours become one hull
     bar_slices: Count = 24
-    handle_hulls: Count = 12
-    front_panel_hulls: Count = 8
-    thickness: Positive = 0.02
-    resolution: Count = 30000
-    max_vertices: Annotated[int, AtLeast(4)] = 32
-    seed: CountFromZero = 0
+    handle_hulls: Count = 12  # max number of hulls of a grasp region that is neither bar nor knob
+    front_panel_hulls: Count = 8  # max number of hulls of each other part
+    thickness: Positive = 0.02  # of the front, inwards from its outer surface, of which alone a scan knows [m]
+    resolution: Count = 30000  # voxels of the decomposition
+    max_vertices: Annotated[int, AtLeast(4)] = 32  # max number of vertices of a hull
+    seed: CountFromZero = 0  # of the decomposition
 
 
 @dataclass(frozen=True)
@@ -266,23 +260,21 @@ class CabinetConfig:
     """How furniture with articulated parts becomes convex hulls.
 
     Attributes:
-        hulls: largest number of hulls of the cabinet's own surface; each part that is fixed to it gets one more.
-        thickness: of the front of a frozen drawer or door, inwards from its outer surface [m].
         resolution: voxels of the decomposition.
-        max_vertices: largest number of vertices of a hull.
-        density: mass by the volume of its bounding box [kg/m^3], where none is annotated; without effect on a body that
-            is fixed to the world, but a simulator needs a number. [kg/m^3] of its box: a base cabinet of 0.6 x 0.56 x
-            0.72 m weighs 29 kg with what is in it.
-        corridor: width, height and length [m] of the gripper's path to the handle, which no hull may block: along the
-            handle, across it, and outwards from where fingers end before the front. Behind the fingers it is as high as the
-            gripper's body, if that is higher.
     """
 
+    # largest number of hulls of the cabinet's own surface; each part that is fixed to it gets one more
     hulls: Count = 8
-    thickness: Positive = 0.02
+    thickness: Positive = 0.02  # of the front of a frozen drawer or door, inwards from its outer surface [m]
     resolution: Count
-    max_vertices: Annotated[int, AtLeast(4)] = 32
+    max_vertices: Annotated[int, AtLeast(4)] = 32  # largest number of vertices of a hull
+    # mass by the volume of its bounding box [kg/m^3], where none is annotated; without effect on a body that is
+    # fixed to the world, but a simulator needs a number. [kg/m^3] of its box: a base cabinet of 0.6 x 0.56 x 0.72
+    # m weighs 29 kg with what is in it
     density: Positive = 120.0
+    # width, height and length [m] of the gripper's path to the handle, which no hull may block: along the handle,
+    # across it, and outwards from where fingers end before the front. Behind the fingers it is as high as the
+    # gripper's body, if that is higher
     corridor: tuple[Positive, Positive, Positive] = (0.3, 0.16, 0.3)
 
 

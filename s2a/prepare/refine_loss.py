@@ -22,52 +22,45 @@ class RefineConfig:
     """How far furniture and annotations are trusted. Standard deviations unless said otherwise.
 
     Attributes:
-        parallel: of an axis or a front against its furniture's [rad]. 0.2 deg; fitted fronts hang up to 0.3 deg askew:
-            2 mm over 0.4 m, and their slides and hinges with them.
-        level: of furniture against gravity [rad]. 0.1 deg; furniture is put up with a spirit level: 1 mm over 0.6 m.
-        hang: of an axis against its own front [rad]. 0.05 deg; a slide against its own front's normal, a hinge against
-            its plane.
-        edge: of a hinge line's distance from the edge, in the front's plane [m]. A hinge turns about the edge of its
-            front, or up to a leaf's thickness within.
-        inset: mean of that distance, into the front [m]. The mean of that.
-        depth: of a hinge line's distance from the front's face [m]. The same across the front.
-        flush: of closed fronts of one piece of furniture from one plane [m]. Closed fronts of one cabinet: doors lie
-            1.5 mm before drawers, and rubber stops are 2 mm.
-        ajar: largest distance of a front before the others that is taken for standing ajar [m]. What stands farther
-            before the other fronts is another cabinet's, or open.
-        axis: of the annotated axes where a room has too few joints to tell, each of two components [rad]. 1 deg;
-            annotators err by 0.2 (conf/annotator/careful.yaml) to 1.3 (hasty.yaml) in each direction.
-        arm: annotated lines err by so much per error of their axis [m/rad]: both come from two points that someone
-            picked. M/rad, 10 mm per degree: a line drawn through two points 0.8 m apart.
-        zero: of the closed coordinate of a slide [m].
-        zero_angle: the same of a hinge [rad].
-        penetration: of a part into the rest of the scan on its path [m]. Of the whole front at once.
-        cut: residual from which a term counts less and less, in standard deviations.
-        known: largest fraction of the annotation's standard deviation that is left where a direction counts as known.
-            The scan halves the annotation's variance.
         worse: an axis may get farther from the true one by this [rad] where the annotation happened to be good.
         regret: getting farther by more counts as much as being off by this [rad]; moves are shortened accordingly.
-        sure: a closed coordinate is changed from so many standard deviations on.
     """
 
+    # of an axis or a front against its furniture's [rad]. 0.2 deg; fitted fronts hang up to 0.3 deg askew: 2 mm
+    # over 0.4 m, and their slides and hinges with them
     parallel: Positive = 0.0035
+    # of furniture against gravity [rad]. 0.1 deg; furniture is put up with a spirit level: 1 mm over 0.6 m
     level: Positive = 0.0017
+    # of an axis against its own front [rad]. 0.05 deg; a slide against its own front's normal, a hinge against
+    # its plane
     hang: Positive = 0.0009
+    # of a hinge line's distance from the edge, in the front's plane [m]. A hinge turns about the edge of its
+    # front, or up to a leaf's thickness within
     edge: Positive = 0.006
-    inset: float = 0.0
-    depth: Positive = 0.006
+    inset: float = 0.0  # mean of that distance, into the front [m]. The mean of that
+    depth: Positive = 0.006  # of a hinge line's distance from the front's face [m]. The same across the front
+    # of closed fronts of one piece of furniture from one plane [m]. Closed fronts of one cabinet: doors lie 1.5
+    # mm before drawers, and rubber stops are 2 mm
     flush: Positive = 0.004
+    # largest distance of a front before the others that is taken for standing ajar [m]. What stands farther
+    # before the other fronts is another cabinet's, or open
     ajar: Positive = 0.1
+    # of the annotated axes where a room has too few joints to tell, each of two components [rad]. 1 deg;
+    # annotators err by 0.2 (conf/annotator/careful.yaml) to 1.3 (hasty.yaml) in each direction
     axis: Positive = 0.0175
+    # annotated lines err by so much per error of their axis [m/rad]: both come from two points that someone
+    # picked. M/rad, 10 mm per degree: a line drawn through two points 0.8 m apart
     arm: Positive = 0.57
-    zero: Positive = 0.05
-    zero_angle: Positive = 0.1
-    penetration: Positive = 0.003
-    cut: Positive = 2.5
+    zero: Positive = 0.05  # of the closed coordinate of a slide [m]
+    zero_angle: Positive = 0.1  # the same of a hinge [rad]
+    penetration: Positive = 0.003  # of a part into the rest of the scan on its path [m]. Of the whole front at once
+    cut: Positive = 2.5  # residual from which a term counts less and less, in standard deviations
+    # largest fraction of the annotation's standard deviation that is left where a direction counts as known. The
+    # scan halves the annotation's variance
     known: Fraction = 0.7
     worse: NotNegative
     regret: NotNegative
-    sure: Positive = 4.0
+    sure: Positive = 4.0  # a closed coordinate is changed from so many standard deviations on
 
 
 AXIS, LINE, ALONG_FRAME, FACE, LEVEL, PRIOR, FLUSH = range(7)  # Kinds of terms: what a value is of. See `Term`

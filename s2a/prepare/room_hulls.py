@@ -36,25 +36,16 @@ INSIDE = 1e-3  # [m] Below the top, for those points
 
 @dataclass(frozen=True)
 class TopConfig:
-    """How a level top is found.
+    """How a level top is found."""
 
-    Attributes:
-        band: largest distance of its faces from where an object stands on it [m].
-        unevenness: largest distance from its height of `level_fraction` of it [m]; a bed has no level top.
-        level_fraction: of its area.
-        cell: width of the cells of which its boxes are made [m].
-        closing: holes of up to twice as many cells are closed.
-        boxes: largest number of boxes.
-        headroom: what hulls of the support reach above the top is cut off up to this height [m].
-    """
-
-    band: Positive = 0.008
+    band: Positive = 0.008  # largest distance of its faces from where an object stands on it [m]
+    # largest distance from its height of `level_fraction` of it [m]; a bed has no level top
     unevenness: Positive = 0.003
-    level_fraction: Fraction = 0.9
-    cell: Positive = 0.01
-    closing: CountFromZero = 6
-    boxes: Count = 8
-    headroom: Positive = 0.01
+    level_fraction: Fraction = 0.9  # of its area
+    cell: Positive = 0.01  # width of the cells of which its boxes are made [m]
+    closing: CountFromZero = 6  # holes of up to twice as many cells are closed
+    boxes: Count = 8  # largest number of boxes
+    headroom: Positive = 0.01  # what hulls of the support reach above the top is cut off up to this height [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,43 +114,33 @@ class RoomConfig:
     """How the static room becomes convex hulls.
 
     Attributes:
-        part_hulls: largest number of hulls of one part.
-        furniture_hulls: the same of one around a moving part of no furniture: furniture that is not annotated as that.
-            With 6 the hulls of a desk of 1.4 m fill the air 0.38 m before its drawers.
-        min_decomposed_size: parts whose bounding box has a shorter diagonal [m] become one hull.
         resolution: voxels of the decomposition.
-        max_vertices: largest number of vertices of a hull.
-        structure_labels: words that make a label one of a wall, floor or ceiling; those become thin boxes.
-        flatness: largest distance of a wall's surface from its box [m].
-        cell: width of the cells of which a wall's boxes are made [m].
-        boxes: largest number of boxes of each plane of a wall.
-        thickness: of those boxes [m].
-        base_radius: radius of the upright column around a robot's base that stays free [m].
-        base_height: its height [m].
-        clearance: what stays free around the paths of the articulated parts [m]. The scan is off by 1 mm and more at
-            curved objects, hulls bulge by as much, and a physics step at 1 m/s is 4 mm.
-        cut_hulls: largest number of hulls into which a cut takes one apart. A floor that eight sections of a door's
-            path graze keeps 0.97 of its upper side; 0.90 with 8.
-        min_volume: what is left of a hull after cutting counts from this volume on [m^3]. A cube of 2 cm.
-        min_cut_volume: the same for each hull but the largest into which it is taken apart [m^3]. 7 by 7 cm of a
-            floor's box.
     """
 
-    part_hulls: Count = 6
+    part_hulls: Count = 6  # largest number of hulls of one part
+    # the same of one around a moving part of no furniture: furniture that is not annotated as that. With 6 the
+    # hulls of a desk of 1.4 m fill the air 0.38 m before its drawers
     furniture_hulls: Count = 24
-    min_decomposed_size: NotNegative = 0.4
+    min_decomposed_size: NotNegative = 0.4  # parts whose bounding box has a shorter diagonal [m] become one hull
     resolution: Count
-    max_vertices: Annotated[int, AtLeast(4)] = 32
+    max_vertices: Annotated[int, AtLeast(4)] = 32  # largest number of vertices of a hull
+    # words that make a label one of a wall, floor or ceiling; those become thin boxes
     structure_labels: tuple[str, ...] = STRUCTURE_LABELS
-    flatness: Positive = 0.02
-    cell: Positive = 0.05
-    boxes: Count = 8
-    thickness: Positive = 0.02
-    base_radius: NotNegative = 0.25
-    base_height: NotNegative = 1.2
+    flatness: Positive = 0.02  # largest distance of a wall's surface from its box [m]
+    cell: Positive = 0.05  # width of the cells of which a wall's boxes are made [m]
+    boxes: Count = 8  # largest number of boxes of each plane of a wall
+    thickness: Positive = 0.02  # of those boxes [m]
+    base_radius: NotNegative = 0.25  # radius of the upright column around a robot's base that stays free [m]
+    base_height: NotNegative = 1.2  # its height [m]
+    # what stays free around the paths of the articulated parts [m]. The scan is off by 1 mm and more at curved
+    # objects, hulls bulge by as much, and a physics step at 1 m/s is 4 mm
     clearance: NotNegative = 0.003
+    # largest number of hulls into which a cut takes one apart. A floor that eight sections of a door's path graze
+    # keeps 0.97 of its upper side; 0.90 with 8
     cut_hulls: Count = 12
+    # what is left of a hull after cutting counts from this volume on [m^3]. A cube of 2 cm
     min_volume: NotNegative = 8e-06
+    # the same for each hull but the largest into which it is taken apart [m^3]. 7 by 7 cm of a floor's box
     min_cut_volume: NotNegative = 0.0001
 
 

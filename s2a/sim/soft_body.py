@@ -33,46 +33,32 @@ class SoftShape:
 
 @dataclass(frozen=True)
 class SoftConfig:
-    """A soft body and how it is simulated.
+    """A soft body and how it is simulated."""
 
-    Attributes:
-        shape: of the body.
-        density: [kg/m^3]. 29 g; a plush toy of that size weighs 30 to 60 g.
-        shear: the material's modulus mu [Pa]. As foam rubber; with 30000 the fingers press the torso to a third of
-            its width.
-        bulk: its modulus lambda [Pa].
-        damping: of its deformation [Pa s].
-        particle_radius: by which the vertices stand off what they touch [m].
-        contact_stiffness: of a vertex on what it touches [N/m]. A pad, 17 mm wide, presses on two to four vertices;
-            with 2000 it went through the outer ones, and hooked the bear.
-        contact_damping: likewise [N s/m].
-        friction: coefficient between the body and everything. Rubber on cloth; as the pads have on all else.
-        friction_speed: below which friction is viscous [m/s]: a grip creeps by this times the fraction of friction it
-            uses. With 0.01 a held bear creeps out of the gripper within seconds.
-        contact_gap: up to which vertices are looked at for contact [m].
-        substeps: of a control step; even.
-        iterations: of VBD in a substep.
-        arm_iterations: of MuJoCo's solver and of its line search.
-        grip_stiffness: position gain of the finger joints [N/m]. As the robot's own.
-        grip_force: with which each finger presses at most [N]. Thirty times the bear's weight; the robot's own 70 N
-            would flatten it.
-    """
-
-    shape: SoftShape = SoftShape()
-    density: Positive = 100.0
+    shape: SoftShape = SoftShape()  # of the body
+    density: Positive = 100.0  # [kg/m^3]. 29 g; a plush toy of that size weighs 30 to 60 g
+    # the material's modulus mu [Pa]. As foam rubber; with 30000 the fingers press the torso to a third of its
+    # width
     shear: Positive = 50000.0
-    bulk: Positive = 50000.0
-    damping: NotNegative = 1.0
-    particle_radius: Positive = 0.002
+    bulk: Positive = 50000.0  # its modulus lambda [Pa]
+    damping: NotNegative = 1.0  # of its deformation [Pa s]
+    particle_radius: Positive = 0.002  # by which the vertices stand off what they touch [m]
+    # of a vertex on what it touches [N/m]. A pad, 17 mm wide, presses on two to four vertices; with 2000 it went
+    # through the outer ones, and hooked the bear
     contact_stiffness: Positive = 20000.0
-    contact_damping: NotNegative = 0.001
+    contact_damping: NotNegative = 0.001  # likewise [N s/m]
+    # coefficient between the body and everything. Rubber on cloth; as the pads have on all else
     friction: NotNegative = 1.0
+    # below which friction is viscous [m/s]: a grip creeps by this times the fraction of friction it uses. With
+    # 0.01 a held bear creeps out of the gripper within seconds
     friction_speed: Positive = 0.001
-    contact_gap: Positive = 0.005
-    substeps: Count = 8
-    iterations: Count = 5
-    arm_iterations: Count = 20
-    grip_stiffness: Positive = 2000.0
+    contact_gap: Positive = 0.005  # up to which vertices are looked at for contact [m]
+    substeps: Count = 8  # of a control step; even
+    iterations: Count = 5  # of VBD in a substep
+    arm_iterations: Count = 20  # of MuJoCo's solver and of its line search
+    grip_stiffness: Positive = 2000.0  # position gain of the finger joints [N/m]. As the robot's own
+    # with which each finger presses at most [N]. Thirty times the bear's weight; the robot's own 70 N would
+    # flatten it
     grip_force: Positive = 10.0
 
 

@@ -18,18 +18,15 @@ class ProposeConfig:
     """How fronts are proposed.
 
     Attributes:
-        cell: width of the cells of a plane's image [m]. The network was trained with this.
-        density: points that stand for a surface, per m^2. Four points in a cell.
-        layer: points this near to a plane belong to it [m], more on meshes coarser than FINE. A phone's mesh waves by 5 mm.
-        min_layer: smallest area of a plane [m^2].
-        min_front: smallest width and height of a front [m]. 1 % of virtual fronts are smaller (docs/virtual_homes.md).
         min_score: probability from which on a front is proposed.
     """
 
-    cell: Positive = 0.01
-    density: Positive = 40000.0
+    cell: Positive = 0.01  # width of the cells of a plane's image [m]. The network was trained with this
+    density: Positive = 40000.0  # points that stand for a surface, per m^2. Four points in a cell
+    # points this near to a plane belong to it [m], more on meshes coarser than FINE. A phone's mesh waves by 5 mm
     layer: Positive = 0.015
-    min_layer: Positive = 0.03
+    min_layer: Positive = 0.03  # smallest area of a plane [m^2]
+    # smallest width and height of a front [m]. 1 % of virtual fronts are smaller (docs/virtual_homes.md)
     min_front: tuple[Positive, Positive] = (0.16, 0.08)
     min_score: Fraction
 

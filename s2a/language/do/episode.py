@@ -73,7 +73,6 @@ class ExecutionConfig:
         skills: their tasks, as the key `skills`.
         planner: the planner's motion.
         camera: of the images.
-        policy: that does the skills of its task in the planner's place; None: none does. See `world`.
     """
 
     robot: str
@@ -83,6 +82,7 @@ class ExecutionConfig:
     skills: Any
     planner: PlannerConfig
     camera: CameraConfig
+    # that does the skills of its task in the planner's place; None: none does. See `world`
     policy: PolicyFile | None = None
 
     def policy_of(self, task: MdpConfig) -> PolicyFile | None:

@@ -86,41 +86,25 @@ NONE = 1e-9
 
 @dataclass(frozen=True)
 class DropTestConfig:
-    """Settings of a drop test.
+    """Settings of a drop test."""
 
-    Attributes:
-        drop: height from which it falls [m].
-        seconds: duration, unless it rests before [s].
-        still: window in which its speed must not have changed for it to rest [s].
-        steady: fraction by which the speed may have changed meanwhile.
-        creep: how far that speed may take it in the time that is left [m]; below 0 the test runs to the end.
-        step: of the simulation [s].
-        search_radius: triangles within this distance of a hull's box take part [m].
-        thickness: of the prisms behind them [m].
-        density: of the object [kg/m^3].
-        friction: sliding [1], torsional [m] and rolling [m].
-        stiffness: time constant of contacts [s].
-        drift: max distance from the placed position [m].
-        tilt: max angle from the placed pose [rad]. 5°.
-        penetration: max depth at rest [m].
-        contact_distance: a wall-mounted object has a surface within this distance behind it [m].
-    """
-
-    drop: NotNegative = 0.005
-    seconds: Positive = 2.0
-    still: NotNegative = 0.1
-    steady: NotNegative = 0.01
+    drop: NotNegative = 0.005  # height from which it falls [m]
+    seconds: Positive = 2.0  # duration, unless it rests before [s]
+    still: NotNegative = 0.1  # window in which its speed must not have changed for it to rest [s]
+    steady: NotNegative = 0.01  # fraction by which the speed may have changed meanwhile
+    # how far that speed may take it in the time that is left [m]; below 0 the test runs to the end
     creep: float = 5e-05
-    step: Positive = 0.002
-    search_radius: NotNegative = 0.015
-    thickness: Positive = 0.008
-    density: Positive = 300.0
+    step: Positive = 0.002  # of the simulation [s]
+    search_radius: NotNegative = 0.015  # triangles within this distance of a hull's box take part [m]
+    thickness: Positive = 0.008  # of the prisms behind them [m]
+    density: Positive = 300.0  # of the object [kg/m^3]
+    # sliding [1], torsional [m] and rolling [m]
     friction: tuple[NotNegative, NotNegative, NotNegative] = (1.0, 0.005, 0.0005)
-    stiffness: Positive = 0.005
-    drift: NotNegative = 0.01
-    tilt: NotNegative = 0.0873
-    penetration: NotNegative = 0.001
-    contact_distance: NotNegative = 0.006
+    stiffness: Positive = 0.005  # time constant of contacts [s]
+    drift: NotNegative = 0.01  # max distance from the placed position [m]
+    tilt: NotNegative = 0.0873  # max angle from the placed pose [rad]. 5°
+    penetration: NotNegative = 0.001  # max depth at rest [m]
+    contact_distance: NotNegative = 0.006  # a wall-mounted object has a surface within this distance behind it [m]
 
 
 @dataclass(frozen=True)

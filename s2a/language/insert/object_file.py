@@ -56,15 +56,10 @@ USD_UNIT = 0.01  # [m] USD's unit where a stage states none
 
 @dataclass(frozen=True)
 class ObjectConfig:
-    """Reading of object files.
+    """Reading of object files."""
 
-    Attributes:
-        faces: meshes with more faces are decimated to this number.
-        aggressiveness: of the decimation.
-    """
-
-    faces: Count = 60000
-    aggressiveness: Positive = 3.0
+    faces: Count = 60000  # meshes with more faces are decimated to this number
+    aggressiveness: Positive = 3.0  # of the decimation
 
 
 @dataclass(frozen=True)

@@ -48,13 +48,11 @@ class PlacementConfig(SurfaceConfig):
 
     Attributes:
         pose: search for poses.
-        drop_test: check that the object stays.
-        object: reading of object files.
     """
 
     pose: PoseConfig
-    drop_test: DropTestConfig = DropTestConfig()
-    object: ObjectConfig = ObjectConfig()
+    drop_test: DropTestConfig = DropTestConfig()  # check that the object stays
+    object: ObjectConfig = ObjectConfig()  # reading of object files
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +80,6 @@ class InsertSettings:
         llm: the language model.
         placement: placement of an object.
         sandbox: limits of scripts.
-        hulls: convex hulls of the object in its drop test.
         camera: intrinsics and framing of the image.
     """
 
@@ -105,7 +102,7 @@ class InsertSettings:
     llm: LlmConfig
     placement: PlacementConfig
     sandbox: SandboxConfig
-    hulls: HullsConfig = HullsConfig()
+    hulls: HullsConfig = HullsConfig()  # convex hulls of the object in its drop test
     camera: OrbitCamera
 
     @property

@@ -123,17 +123,11 @@ LYING = (("on its back", "on its front"), ("on its side", "on its side"), ("the 
 
 @dataclass(frozen=True)
 class HullsConfig:
-    """Convex hulls that represent an object in its drop test.
+    """Convex hulls that represent an object in its drop test."""
 
-    Attributes:
-        min_fill_fraction: volume over that of the convex hull from which one hull represents the object.
-        slices: number of horizontal slices above the foot, one convex hull each.
-        max_vertices: largest number of vertices of a hull.
-    """
-
-    min_fill_fraction: Fraction = 0.85
-    slices: Count = 6
-    max_vertices: Annotated[int, AtLeast(4)] = 4000
+    min_fill_fraction: Fraction = 0.85  # volume over that of the convex hull from which one hull represents the object
+    slices: Count = 6  # number of horizontal slices above the foot, one convex hull each
+    max_vertices: Annotated[int, AtLeast(4)] = 4000  # largest number of vertices of a hull
 
 
 def drop_check(hulls: HullsConfig, config: DropTestConfig) -> StabilityCheck:

@@ -35,21 +35,13 @@ LOOPS_IN_LOOPS, NESTING, FUNCTIONS = 3, 60, 20
 
 @dataclass(frozen=True)
 class AllowConfig:
-    """Bounds on the text of a script.
+    """Bounds on the text of a script."""
 
-    Attributes:
-        max_length: length of the script [characters]. Characters; a script has 1000 to 3000.
-        max_text: length of a string [characters]. Characters.
-        max_number: magnitude of a number.
-        max_items: items of a list.
-        max_repeats: iterations of a loop.
-    """
-
-    max_length: Count = 20000
-    max_text: Count = 1000
-    max_number: Positive = 1000000.0
-    max_items: Count = 200
-    max_repeats: Count = 200
+    max_length: Count = 20000  # length of the script [characters]. Characters; a script has 1000 to 3000
+    max_text: Count = 1000  # length of a string [characters]. Characters
+    max_number: Positive = 1000000.0  # magnitude of a number
+    max_items: Count = 200  # items of a list
+    max_repeats: Count = 200  # iterations of a loop
 
 
 def refuse_nested(tree: ast.Module) -> None:

@@ -69,27 +69,23 @@ class DepthCameraConfig:
         height: [pixel].
         fov: vertical field of view [rad].
         distance: least and greatest distance from the part [m].
-        azimuth: how far to the side of the line from part to robot it stands at most, turned about z [rad]. [rad] to
-            either side of the line from part to robot.
-        elevation: least and greatest height above the part's horizon [rad].
-        aim_error: how far from the part's middle it is aimed at most, in each direction [m].
         noise: standard deviation of the depth of a pixel at a distance of 1 m [m]; it grows with the distance squared.
-        calibration_shift: error of its place in the robot's base frame: standard deviation in each direction [m].
-        calibration_turn: error of its orientation: standard deviation about each axis [rad].
-        points: number of points that are kept of a frame.
     """
 
     width: Count
     height: Count
     fov: Annotated[float, Above(0.0, 3.0)]
     distance: tuple[Positive, Positive]
+    # how far to the side of the line from part to robot it stands at most, turned about z [rad]. [rad] to either
+    # side of the line from part to robot
     azimuth: NotNegative = 0.9
-    elevation: tuple[float, float] = (0.15, 0.7)
-    aim_error: NotNegative = 0.1
+    elevation: tuple[float, float] = (0.15, 0.7)  # least and greatest height above the part's horizon [rad]
+    aim_error: NotNegative = 0.1  # how far from the part's middle it is aimed at most, in each direction [m]
     noise: NotNegative
+    # error of its place in the robot's base frame: standard deviation in each direction [m]
     calibration_shift: NotNegative = 0.002
-    calibration_turn: NotNegative = 0.003
-    points: Annotated[int, AtLeast(64)] = 1024
+    calibration_turn: NotNegative = 0.003  # error of its orientation: standard deviation about each axis [rad]
+    points: Annotated[int, AtLeast(64)] = 1024  # number of points that are kept of a frame
 
 
 @dataclass(frozen=True)

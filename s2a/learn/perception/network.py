@@ -90,20 +90,17 @@ class NetworkConfig:
     Attributes:
         steps: of the optimiser.
         batch: frames a step.
-        learning_rate: the highest; it rises over the first twentieth of the steps and falls as a cosine to zero.
-        weight_decay: of AdamW.
-        turn: frames are turned about the vertical by at most this [rad].
-        scale: and scaled by at most this factor, up or down.
         points: of a frame's points a random part is seen in each step.
         width: of the network's first layers.
     """
 
     steps: Count
     batch: Count
+    # the highest; it rises over the first twentieth of the steps and falls as a cosine to zero
     learning_rate: Positive = 0.001
-    weight_decay: NotNegative = 0.01
-    turn: NotNegative = 0.35
-    scale: Positive = 1.15
+    weight_decay: NotNegative = 0.01  # of AdamW
+    turn: NotNegative = 0.35  # frames are turned about the vertical by at most this [rad]
+    scale: Positive = 1.15  # and scaled by at most this factor, up or down
     points: Count
     width: Count
 

@@ -158,15 +158,11 @@ HEADROOM = 2.0
 
 @dataclass(frozen=True)
 class FloorConfig:
-    """When a robot stands on scanned floor.
+    """When a robot stands on scanned floor."""
 
-    Attributes:
-        tolerance: how far the scanned floor may be from the foot of what stands there [m].
-        min_fraction: fraction of its footprint with floor below. Holes below furniture and where the tripod stood are
-            smaller than a base.
-    """
-
-    tolerance: Positive = 0.05
+    tolerance: Positive = 0.05  # how far the scanned floor may be from the foot of what stands there [m]
+    # fraction of its footprint with floor below. Holes below furniture and where the tripod stood are smaller
+    # than a base
     min_fraction: Fraction = 0.5
 
 

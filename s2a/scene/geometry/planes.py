@@ -191,19 +191,12 @@ def _largest_rectangle(taken: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, kw_only=True)
 class RansacConfig:
-    """RANSAC for one plane.
+    """RANSAC for one plane."""
 
-    Attributes:
-        threshold: largest distance of an inlier [m].
-        iterations: number of planes that are drawn, each through three random points.
-        max_tilt: largest angle between the plane's normal and the requested direction [rad].
-        seed: of the random choices.
-    """
-
-    threshold: Positive = 0.01
-    iterations: Count = 1000
-    max_tilt: NotNegative = 0.26
-    seed: CountFromZero = 0
+    threshold: Positive = 0.01  # largest distance of an inlier [m]
+    iterations: Count = 1000  # number of planes that are drawn, each through three random points
+    max_tilt: NotNegative = 0.26  # largest angle between the plane's normal and the requested direction [rad]
+    seed: CountFromZero = 0  # of the random choices
 
 
 def ransac_plane(points: np.ndarray, upright: bool, config: RansacConfig) -> Plane | None:

@@ -23,27 +23,20 @@ ROUGH = 0.5
 
 @dataclass(frozen=True)
 class PlaneConfig:
-    """Detection of planar patches.
+    """Detection of planar patches."""
 
-    Attributes:
-        max_tilt: largest angle between the smoothed normal of a face and the plane's direction [rad]. 15°: noise of 2
-            mm over 3 cm tilts a smoothed normal by 4°.
-        smoothing_rounds: how often normals are averaged over neighbouring faces.
-        tolerance: largest distance of a face's centroid from the plane [m]. Noise of a scan is 1 to 2 mm rms, the rim
-            of a sink is 8 mm high or more.
-        max_slope: largest slope of a horizontal plane, rise per run; scanned floors are not quite level. 1.1°.
-        bin_height: height of the slices in which horizontal planes are detected [m].
-        min_area: smallest area of a plane [m^2].
-        max_planes: largest number of planes.
-    """
-
+    # largest angle between the smoothed normal of a face and the plane's direction [rad]. 15°: noise of 2 mm over
+    # 3 cm tilts a smoothed normal by 4°
     max_tilt: NotNegative = 0.26
-    smoothing_rounds: CountFromZero = 2
+    smoothing_rounds: CountFromZero = 2  # how often normals are averaged over neighbouring faces
+    # largest distance of a face's centroid from the plane [m]. Noise of a scan is 1 to 2 mm rms, the rim of a
+    # sink is 8 mm high or more
     tolerance: Positive = 0.005
+    # largest slope of a horizontal plane, rise per run; scanned floors are not quite level. 1.1°
     max_slope: NotNegative = 0.02
-    bin_height: Positive = 0.003
-    min_area: NotNegative = 0.002
-    max_planes: Count = 24
+    bin_height: Positive = 0.003  # height of the slices in which horizontal planes are detected [m]
+    min_area: NotNegative = 0.002  # smallest area of a plane [m^2]
+    max_planes: Count = 24  # largest number of planes
 
 
 def smoothed_normals(mesh: Mesh, direction: np.ndarray, rounds: int) -> np.ndarray:
@@ -132,32 +125,19 @@ Above = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class RegionConfig:
-    """Growth of support regions.
+    """Growth of support regions."""
 
-    Attributes:
-        plane: detection of planar patches.
-        cell: cell size of the grid on a region [m]; large regions have larger cells.
-        max_cells: largest number of cells along a side.
-        closing: gaps of the scan up to twice as many cells wide are closed.
-        min_area: smallest area of a horizontal region [m^2]. A soap dish.
-        min_vertical_area: smallest area of a vertical region [m^2]. A small poster.
-        min_clearance: clearance above a cell below which it is occupied [m].
-        search_height: clearance is measured up to this height above a region [m].
-        noise_height: surfaces less far above the plane belong to it: scan noise [m].
-        cover_fraction: fraction of a region below its own object from which its kind is "inside".
-        rim_distance: a border cell has a rim if the target rises within this distance, to at most twice this height [m].
-    """
-
-    plane: PlaneConfig = PlaneConfig()
-    cell: Positive = 0.01
-    max_cells: Count = 220
-    closing: CountFromZero = 2
-    min_area: NotNegative = 0.0025
-    min_vertical_area: NotNegative = 0.04
-    min_clearance: NotNegative = 0.03
-    search_height: Positive = 2.0
-    noise_height: NotNegative = 0.008
-    cover_fraction: Fraction = 0.6
+    plane: PlaneConfig = PlaneConfig()  # detection of planar patches
+    cell: Positive = 0.01  # cell size of the grid on a region [m]; large regions have larger cells
+    max_cells: Count = 220  # largest number of cells along a side
+    closing: CountFromZero = 2  # gaps of the scan up to twice as many cells wide are closed
+    min_area: NotNegative = 0.0025  # smallest area of a horizontal region [m^2]. A soap dish
+    min_vertical_area: NotNegative = 0.04  # smallest area of a vertical region [m^2]. A small poster
+    min_clearance: NotNegative = 0.03  # clearance above a cell below which it is occupied [m]
+    search_height: Positive = 2.0  # clearance is measured up to this height above a region [m]
+    noise_height: NotNegative = 0.008  # surfaces less far above the plane belong to it: scan noise [m]
+    cover_fraction: Fraction = 0.6  # fraction of a region below its own object from which its kind is "inside"
+    # a border cell has a rim if the target rises within this distance, to at most twice this height [m]
     rim_distance: NotNegative = 0.025
 
 

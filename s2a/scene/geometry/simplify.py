@@ -65,18 +65,16 @@ class DecimateConfig:
         structure: fraction of the faces of walls, floor and ceiling that mode "ratio" keeps.
         other: fraction of the faces of all other parts that mode "ratio" keeps.
         max_error: 99th percentile of the distance between the surfaces in mode "error" [m].
-        structure_labels: words in the labels of walls, floor and ceiling.
-        aggressiveness: how fast the bound on the collapses grows from pass to pass; smaller is slower and more exact.
-        samples: points on either surface by which the error is measured.
     """
 
     mode: Literal["ratio", "error", "none"]
     structure: Annotated[float, Above(0.0, 1.0)]
     other: Annotated[float, Above(0.0, 1.0)]
     max_error: Positive
-    structure_labels: tuple[str, ...] = STRUCTURE_LABELS
+    structure_labels: tuple[str, ...] = STRUCTURE_LABELS  # words in the labels of walls, floor and ceiling
+    # how fast the bound on the collapses grows from pass to pass; smaller is slower and more exact
     aggressiveness: Positive = 5.0
-    samples: Count = 100000
+    samples: Count = 100000  # points on either surface by which the error is measured
 
 
 @dataclass(frozen=True, eq=False)

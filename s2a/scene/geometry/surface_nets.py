@@ -241,13 +241,13 @@ class ThinConfig:
 
     Attributes:
         merge: vertices of flat groups of this many voxels' edge (1, 2 or 4) become one before quadric decimation.
-        bend: a group is flat if its normals deviate by no more than this from their mean on average [deg].
         max_thickness: and if it is no thicker than this along its mean normal [m].
         keep: fraction of the fused surface's vertices that is left in the end.
         min_faces: disconnected components with fewer faces than this, before decimation, are dropped.
     """
 
     merge: Literal[1, 2, 4]
+    # a group is flat if its normals deviate by no more than this from their mean on average [deg]
     bend: NotNegative = 8.0
     max_thickness: NotNegative
     keep: Annotated[float, Above(0.0, 1.0)]

@@ -42,22 +42,15 @@ class Bodies:
 
 @wp.struct
 class Recordings:
-    """Recorded pulls, a world each.
+    """Recorded pulls, a world each."""
 
-    Attributes:
-        bodies: that were pulled.
-        opening, force: shape [sample world]; NaN past a recording's end.
-        joint: index of each world's joint, shape [world].
-        gain: corrections of opening [1] and speed [1/s] by innovation, shape [world 2].
-        weight: 1 / (2 variance) of an innovation [1/m^2], shape [world].
-    """
-
-    bodies: Bodies
+    bodies: Bodies  # that were pulled
+    # opening, force: shape [sample world]; NaN past a recording's end
     opening: wp.array2d(dtype=float)
     force: wp.array2d(dtype=float)
-    joint: wp.array(dtype=int)
-    gain: wp.array2d(dtype=float)
-    weight: wp.array(dtype=float)
+    joint: wp.array(dtype=int)  # index of each world's joint, shape [world]
+    gain: wp.array2d(dtype=float)  # corrections of opening [1] and speed [1/s] by innovation, shape [world 2]
+    weight: wp.array(dtype=float)  # 1 / (2 variance) of an innovation [1/m^2], shape [world]
 
 
 @wp.func

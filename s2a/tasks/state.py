@@ -26,70 +26,49 @@ Error = columns(ERRORS)
 
 @wp.struct
 class State:
-    """All worlds. Of the coordinates of a world the robot's come first: its arm, then its fingers.
+    """All worlds. Of the coordinates of a world the robot's come first: its arm, then its fingers."""
 
-    Attributes:
-        joints: number of the robot's joints; the first `arm` of them are the arm's.
-        joint_q, joint_qd: coordinates [m or rad] and velocities, shape [world coord].
-        body_q: poses, shape [world body].
-        torque: forces of the joints' drives [N m or N], shape [world dof].
-        lower, upper: limits of the robot's joints [rad, m], shape [joint].
-        internal: 1 where the gripper holds by opening, shape [world]. There an action of the fingers, and what a policy observes
-            of them, are mirrored, so that they mean the same: an action of -1 grips, and a finger that grips is seen to close.
-        target_q: joint targets, shape [world coord].
-        target_qd: commanded velocities of the robot's joints [rad/s, m/s], shape [world dof].
-        requested_qd: those that the action requests.
-        action: in [-1, 1], shape [world action].
-        past: the latest actions, the newest first, shape [world delay action]; none where no action comes late.
-        delay: by how many control steps actions come late, shape [world].
-        observation: shape [world observation].
-        privileged: what a critic is told besides, shape [world number].
-        terms: unweighted reward terms, shape [world term].
-        reward: their weighted sum, shape [world].
-        terminated: 1 where the task ends the episode, shape [world].
-        done, time_out: 1 where the episode ended, and where it did by its length alone, shape [world].
-        step: control steps since the reset, shape [world].
-        begun: step of the demonstration on which the episode began, -1 where it began before the first, shape [world].
-        uncounted: 1 where the running episode shall not be counted, shape [world].
-        overflow: mujoco_warp's overflow bits since the last control step, shape [world].
-        dropped: 1 where the episode lost constraint rows (0), contacts (1), shape [world 2].
-        result: how the last finished episode went, shape [world column]: the task's columns, then ERRORS.
-        errors: column of the first of ERRORS.
-        counts: sums over finished episodes: their number, then the columns of `result`, shape [1 + column].
-        rng: random streams, shape [world].
-    """
-
-    joints: int
+    joints: int  # number of the robot's joints; the first `arm` of them are the arm's
     arm: int
+    # joint_q, joint_qd: coordinates [m or rad] and velocities, shape [world coord]
     joint_q: wp.array2d(dtype=float)
     joint_qd: wp.array2d(dtype=float)
-    body_q: wp.array2d(dtype=wp.transform)
-    torque: wp.array2d(dtype=float)
+    body_q: wp.array2d(dtype=wp.transform)  # poses, shape [world body]
+    torque: wp.array2d(dtype=float)  # forces of the joints' drives [N m or N], shape [world dof]
+    # lower, upper: limits of the robot's joints [rad, m], shape [joint]
     lower: wp.array(dtype=float)
     upper: wp.array(dtype=float)
+    # 1 where the gripper holds by opening, shape [world]. There an action of the fingers, and what a policy
+    # observes of them, are mirrored, so that they mean the same: an action of -1 grips, and a finger that grips
+    # is seen to close
     internal: wp.array(dtype=int)
-    target_q: wp.array2d(dtype=float)
-    target_qd: wp.array2d(dtype=float)
-    requested_qd: wp.array2d(dtype=float)
-    action: wp.array2d(dtype=float)
+    target_q: wp.array2d(dtype=float)  # joint targets, shape [world coord]
+    target_qd: wp.array2d(dtype=float)  # commanded velocities of the robot's joints [rad/s, m/s], shape [world dof]
+    requested_qd: wp.array2d(dtype=float)  # those that the action requests
+    action: wp.array2d(dtype=float)  # in [-1, 1], shape [world action]
+    # the latest actions, the newest first, shape [world delay action]; none where no action comes late
     past: wp.array3d(dtype=float)
-    delay: wp.array(dtype=int)
-    observation: wp.array2d(dtype=float)
-    privileged: wp.array2d(dtype=float)
-    terms: wp.array2d(dtype=float)
-    reward: wp.array(dtype=float)
-    terminated: wp.array(dtype=int)
+    delay: wp.array(dtype=int)  # by how many control steps actions come late, shape [world]
+    observation: wp.array2d(dtype=float)  # shape [world observation]
+    privileged: wp.array2d(dtype=float)  # what a critic is told besides, shape [world number]
+    terms: wp.array2d(dtype=float)  # unweighted reward terms, shape [world term]
+    reward: wp.array(dtype=float)  # their weighted sum, shape [world]
+    terminated: wp.array(dtype=int)  # 1 where the task ends the episode, shape [world]
+    # done, time_out: 1 where the episode ended, and where it did by its length alone, shape [world]
     done: wp.array(dtype=int)
     time_out: wp.array(dtype=int)
-    step: wp.array(dtype=int)
+    step: wp.array(dtype=int)  # control steps since the reset, shape [world]
+    # step of the demonstration on which the episode began, -1 where it began before the first, shape [world]
     begun: wp.array(dtype=int)
-    uncounted: wp.array(dtype=int)
-    overflow: wp.array(dtype=int)
-    dropped: wp.array2d(dtype=int)
+    uncounted: wp.array(dtype=int)  # 1 where the running episode shall not be counted, shape [world]
+    overflow: wp.array(dtype=int)  # mujoco_warp's overflow bits since the last control step, shape [world]
+    dropped: wp.array2d(dtype=int)  # 1 where the episode lost constraint rows (0), contacts (1), shape [world 2]
+    # how the last finished episode went, shape [world column]: the task's columns, then ERRORS
     result: wp.array2d(dtype=float)
-    errors: int
+    errors: int  # column of the first of ERRORS
+    # sums over finished episodes: their number, then the columns of `result`, shape [1 + column]
     counts: wp.array(dtype=float)
-    rng: wp.array(dtype=wp.uint32)
+    rng: wp.array(dtype=wp.uint32)  # random streams, shape [world]
 
 
 @wp.func
@@ -165,33 +144,22 @@ Opened, Grasped, Carried, Limit = (columns(names) for names in (OPENED, GRASPED,
 
 @wp.struct
 class TaskTarget:
-    """What a world's robot is to move: a part on a joint, or a free object.
+    """What a world's robot is to move: a part on a joint, or a free object."""
 
-    Attributes:
-        free: 1 for a free object, 0 for a part on a joint; the joint's numbers then mean nothing.
-        grasp: grasp frame in the target's body; of a free object the body's own frame.
-        base: world from the robot's base.
-        lever_arm: opening per unit of the joint's coordinate [1 or m], positive opens.
-        axis, origin: of the joint, world frame [1, m].
-        slides: 1 for a slide, 0 for a hinge.
-        coord, dof: index of the target's first coordinate and of its velocity within the world.
-        travel: opening at the open limit [m].
-        size: extents of the grasp region along the grasp frame's axes [m].
-        pinchable: 1 where two fingers can hold the region: it is thinner than the gripper opens, or held from within.
-    """
-
-    free: int
-    grasp: wp.transform
-    base: wp.quat
-    lever_arm: float
+    free: int  # 1 for a free object, 0 for a part on a joint; the joint's numbers then mean nothing
+    grasp: wp.transform  # grasp frame in the target's body; of a free object the body's own frame
+    base: wp.quat  # world from the robot's base
+    lever_arm: float  # opening per unit of the joint's coordinate [1 or m], positive opens
+    # axis, origin: of the joint, world frame [1, m]
     axis: wp.vec3
     origin: wp.vec3
-    slides: int
+    slides: int  # 1 for a slide, 0 for a hinge
+    # coord, dof: index of the target's first coordinate and of its velocity within the world
     coord: int
     dof: int
-    travel: float
-    size: wp.vec3
-    pinchable: int
+    travel: float  # opening at the open limit [m]
+    size: wp.vec3  # extents of the grasp region along the grasp frame's axes [m]
+    pinchable: int  # 1 where two fingers can hold the region: it is thinner than the gripper opens, or held from within
 
 
 @wp.struct
@@ -210,30 +178,19 @@ class EstimatedPart:
 
 @wp.struct
 class ObjectPlace:
-    """Where an object is to be put.
+    """Where an object is to be put."""
 
-    Attributes:
-        goal: planned pose of the object; in the container's body frame where there is one, else in the world's.
-        object: its hulls, a mesh in its body frame.
-        container: index within a world of the body that contains the place, -1 where the place is on a fixed support.
-        coord: the container's coordinate.
-        hulls: the container's hulls, a mesh in its body frame.
-        inside: pose of the middle of its inside, in its body frame.
-        half: half the extents of the inside [m].
-        shut: coordinate up to which the container is shut [m or rad].
-        lever: path of its grasp point per unit of the coordinate.
-        rest_steps, settle_steps: of the settings, in control steps.
-    """
-
+    # planned pose of the object; in the container's body frame where there is one, else in the world's
     goal: wp.transform
-    object: wp.uint64
-    container: int
-    coord: int
-    hulls: wp.uint64
-    inside: wp.transform
-    half: wp.vec3
-    shut: float
-    lever: float
+    object: wp.uint64  # its hulls, a mesh in its body frame
+    container: int  # index within a world of the body that contains the place, -1 where the place is on a fixed support
+    coord: int  # the container's coordinate
+    hulls: wp.uint64  # the container's hulls, a mesh in its body frame
+    inside: wp.transform  # pose of the middle of its inside, in its body frame
+    half: wp.vec3  # half the extents of the inside [m]
+    shut: float  # coordinate up to which the container is shut [m or rad]
+    lever: float  # path of its grasp point per unit of the coordinate
+    # rest_steps, settle_steps: of the settings, in control steps
     rest_steps: int
     settle_steps: int
 
@@ -269,67 +226,44 @@ class Numbers:
 
 @wp.struct
 class World:
-    """Robot, target, contacts, place and progress of all worlds. Arrays that a task does not use have no rows.
+    """Robot, target, contacts, place and progress of all worlds. Arrays that a task does not use have no rows."""
 
-    Attributes:
-        tool_link, left, right: indices of bodies within a world: the tool's link and the fingers.
-        tool: the tool frame in its link.
-        body: index of the target's body within a world.
-        target: shape [world].
-        contacts: of the robot with the target in the last physics step.
-        region_force: max force of the left and right finger on the region in the control step [N], shape [world 2].
-        resistance: of the part's joint: dry friction [N or N m], damping [N s/m or N m s/rad]; log of its mass, shape [world].
-        scale: factor of all openings, below 1 where the part's travel is short, shape [world].
-        limits: thresholds of the metrics, shape [world LIMITS].
-        place: where an object is to be put.
-        others: bodies that must not move, shape [other].
-        seen: the grasp that is seen, in the grasp frame, shape [world].
-        is_estimated: 1 where a policy observes an estimate of the part, not the truth.
-        estimates: of each stage's frames, shape [stage frame]; those of a stage that has fewer are repeated.
-        stage: index of each world's stage, shape [world].
-        frame: which of them a policy observes in the running episode, shape [world].
-        tracked: how far the part is open and how fast, by the robot's own motion [m, m/s]; shape [world].
-        tool_before: position of the tool a control step ago [m], shape [world].
-        opened: how a part was opened in the running episode, shape [world OPENED].
-        grasped: how it was grasped, shape [world GRASPED].
-        carried: how an object was carried in the running episode, shape [world CARRIED].
-        last, released: the object's position where its path was last measured, and where the robot last touched it: in the
-            world (0) and in the container (1) [m], shape [world 2].
-        rested: the object's pose since which its steps at rest are counted, shape [world].
-        origin: where the others were at the start [m], shape [world other].
-        own: columns of one task alone, by its OWN, shape [world column].
-        number: of the settings.
-    """
-
+    # tool_link, left, right: indices of bodies within a world: the tool's link and the fingers
     tool_link: int
     left: int
     right: int
-    tool: wp.transform
-    body: int
-    target: wp.array(dtype=TaskTarget)
-    contacts: PartContacts
+    tool: wp.transform  # the tool frame in its link
+    body: int  # index of the target's body within a world
+    target: wp.array(dtype=TaskTarget)  # shape [world]
+    contacts: PartContacts  # of the robot with the target in the last physics step
+    # max force of the left and right finger on the region in the control step [N], shape [world 2]
     region_force: wp.array2d(dtype=float)
+    # of the part's joint: dry friction [N or N m], damping [N s/m or N m s/rad]; log of its mass, shape [world]
     resistance: wp.array(dtype=wp.vec3)
-    scale: wp.array(dtype=float)
-    limits: wp.array2d(dtype=float)
-    place: ObjectPlace
-    others: wp.array(dtype=int)
-    seen: wp.array(dtype=wp.transform)
-    is_estimated: int
+    scale: wp.array(dtype=float)  # factor of all openings, below 1 where the part's travel is short, shape [world]
+    limits: wp.array2d(dtype=float)  # thresholds of the metrics, shape [world LIMITS]
+    place: ObjectPlace  # where an object is to be put
+    others: wp.array(dtype=int)  # bodies that must not move, shape [other]
+    seen: wp.array(dtype=wp.transform)  # the grasp that is seen, in the grasp frame, shape [world]
+    is_estimated: int  # 1 where a policy observes an estimate of the part, not the truth
+    # of each stage's frames, shape [stage frame]; those of a stage that has fewer are repeated
     estimates: wp.array2d(dtype=EstimatedPart)
-    stage: wp.array(dtype=int)
-    frame: wp.array(dtype=int)
+    stage: wp.array(dtype=int)  # index of each world's stage, shape [world]
+    frame: wp.array(dtype=int)  # which of them a policy observes in the running episode, shape [world]
+    # how far the part is open and how fast, by the robot's own motion [m, m/s]; shape [world]
     tracked: wp.array(dtype=wp.vec2)
-    tool_before: wp.array(dtype=wp.vec3)
-    opened: wp.array2d(dtype=float)
-    grasped: wp.array2d(dtype=float)
-    carried: wp.array2d(dtype=float)
+    tool_before: wp.array(dtype=wp.vec3)  # position of the tool a control step ago [m], shape [world]
+    opened: wp.array2d(dtype=float)  # how a part was opened in the running episode, shape [world OPENED]
+    grasped: wp.array2d(dtype=float)  # how it was grasped, shape [world GRASPED]
+    carried: wp.array2d(dtype=float)  # how an object was carried in the running episode, shape [world CARRIED]
+    # last, released: the object's position where its path was last measured, and where the robot last touched it:
+    # in the world (0) and in the container (1) [m], shape [world 2]
     last: wp.array2d(dtype=wp.vec3)
     released: wp.array2d(dtype=wp.vec3)
-    rested: wp.array(dtype=wp.transform)
-    origin: wp.array2d(dtype=wp.vec3)
-    own: wp.array2d(dtype=float)
-    number: Numbers
+    rested: wp.array(dtype=wp.transform)  # the object's pose since which its steps at rest are counted, shape [world]
+    origin: wp.array2d(dtype=wp.vec3)  # where the others were at the start [m], shape [world other]
+    own: wp.array2d(dtype=float)  # columns of one task alone, by its OWN, shape [world column]
+    number: Numbers  # of the settings
 
 
 # Arrays that a later step reads before it writes them

@@ -76,12 +76,7 @@ HOLD_SPEED = wp.constant(0.01)  # [m/s] Below it a finger stands still
 
 @wp.struct
 class SeenPart:
-    """What a policy sees of a part: the seen grasp, world frame; axis to travel as of EstimatedPart, where the part now is.
-
-    Attributes:
-        opening: [m].
-        coordinate, velocity: of the joint [m or rad, a second].
-    """
+    """What a policy sees of a part: the seen grasp, world frame; axis to travel as of EstimatedPart, where the part now is."""
 
     grasp: wp.transform
     axis: wp.vec3
@@ -90,7 +85,8 @@ class SeenPart:
     slides: float
     lever_arm: float
     travel: float
-    opening: float
+    opening: float  # [m]
+    # coordinate, velocity: of the joint [m or rad, a second]
     coordinate: float
     velocity: float
 

@@ -60,13 +60,7 @@ def export(scan: File, out: File) -> Export:
 
 
 def insert(
-    stage: File,
-    object: File,
-    label: str,
-    out: File,
-    hint: str = "",
-    llm: str = "auto",
-    overrides: Sequence[str] = (),
+    stage: File, object: File, label: str, out: File, hint: str = "", llm: str = "auto", overrides: Sequence[str] = ()
 ) -> Insertion:
     """Insert an object into a room, as a layer over its stage. Needs `s2a[sim]`, and `s2a[llm]` for llm="chat".
 
@@ -110,11 +104,7 @@ def prepare(stage: File, targets: str | Sequence[str], out: File, overrides: Seq
 
 
 def convert(
-    stage: File,
-    out: File,
-    to: str = "mjcf",
-    parts: str | Sequence[str] = "all",
-    overrides: Sequence[str] = (),
+    stage: File, out: File, to: str = "mjcf", parts: str | Sequence[str] = "all", overrides: Sequence[str] = ()
 ) -> Path:
     """Write a simulation-ready room for other simulators; return the file to load there. Needs `s2a[sim]`.
 

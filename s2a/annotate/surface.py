@@ -85,10 +85,7 @@ class SplitSurface(TriangleSurface):
         owner = parent[pieces[0]]
         return (
             SplitSurface(
-                vertices,
-                np.concatenate([new, pieces[1]]),
-                colors,
-                np.concatenate([self.source, self.source[owner]]),
+                vertices, np.concatenate([new, pieces[1]]), colors, np.concatenate([self.source, self.source[owner]])
             ),
             owner,
         )

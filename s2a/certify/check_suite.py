@@ -80,12 +80,7 @@ def certify(
 
 
 def _part(
-    path: Path,
-    held: Contents,
-    room: list[Check],
-    config: CertifyConfig,
-    robot: str | None,
-    evidence: Evidence | Check,
+    path: Path, held: Contents, room: list[Check], config: CertifyConfig, robot: str | None, evidence: Evidence | Check
 ) -> tuple[list[Check], bool | None]:
     """Return the checks of one part, those of the room first, and whether a gripper can hold it."""
     checks, graspable = [*room, *STRUCTURE.ask(held, config.shapes)], None

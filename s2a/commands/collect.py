@@ -93,11 +93,7 @@ def run(config: Config) -> str:
     session = begin(config)
     collector = session.collector
     dataset = format_of(config.format)(config.out, collector.features)
-    with (
-        full_disk_reported(config.out),
-        temporary(config.out) as folder,
-        collector.encoders(dataset) as encoders,
-    ):
+    with full_disk_reported(config.out), temporary(config.out) as folder, collector.encoders(dataset) as encoders:
         _keep(config, session)
         began, first, run_episodes = time.perf_counter(), dataset.count, 0
         while dataset.count < config.episodes:

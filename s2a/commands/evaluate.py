@@ -21,16 +21,7 @@ from s2a.commands.worlds import SeenWorldsConfig
 from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write, require_writable
 from s2a.core.provenance import provenance
-from s2a.learn.evaluate import (
-    Agent,
-    Policy,
-    SoftStates,
-    baseline,
-    by_part,
-    evaluate_soft,
-    run_episodes,
-    summary,
-)
+from s2a.learn.evaluate import Agent, Policy, SoftStates, baseline, by_part, evaluate_soft, run_episodes, summary
 from s2a.learn.rl.policy_file import PolicyFile, export
 from s2a.learn.rl.ppo import load_model, load_policy
 from s2a.learn.rl.run_folder import read_world

@@ -321,12 +321,7 @@ class PullLoss:
         return values[rows, index] * (1.0 - part) + values[rows, index + 1] * part
 
     def _cost(
-        self,
-        seconds: torch.Tensor,
-        path: torch.Tensor,
-        opening: torch.Tensor,
-        speed: torch.Tensor,
-        force: torch.Tensor,
+        self, seconds: torch.Tensor, path: torch.Tensor, opening: torch.Tensor, speed: torch.Tensor, force: torch.Tensor
     ) -> torch.Tensor:
         """Return the costs, shape [point], of motions [step point]."""
         c, dt = self._config, self._worlds.dt

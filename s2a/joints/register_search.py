@@ -4,17 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.joints.register_fit import (
-    MAX_SLIDE,
-    MAX_TURN,
-    MIN_FRONT,
-    MIN_SLIDE,
-    JointFit,
-    Start,
-    explained,
-    fit,
-    front_of,
-)
+from s2a.joints.register_fit import MAX_SLIDE, MAX_TURN, MIN_FRONT, MIN_SLIDE, JointFit, Start, explained, fit, front_of
 from s2a.joints.register_surface import FLAT, SPACING, TILT, Cloud, OrientedMesh, Patch, match, plane
 from s2a.scene.articulation import opening_direction, transform
 from s2a.scene.geometry.mesh_query import visible_distance

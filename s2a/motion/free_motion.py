@@ -17,12 +17,7 @@ EVERY = 4  # Of so many joint positions along a line one is asked about first, t
 
 
 def free_motion(
-    start: np.ndarray,
-    goal: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    free: Free,
-    seed: int,
+    start: np.ndarray, goal: np.ndarray, lower: np.ndarray, upper: np.ndarray, free: Free, seed: int
 ) -> np.ndarray | None:
     """Return evenly spaced joint positions [pose arm] from start to goal that collide with nothing; None: none was found.
 

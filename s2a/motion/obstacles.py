@@ -12,13 +12,7 @@ import trimesh
 from s2a.robot.collision import Penetration
 from s2a.scene.articulation import pose_at
 from s2a.scene.geometry.convex import contains
-from s2a.scene.geometry.mesh_query import (
-    Forest,
-    first_hits,
-    nearest_faces,
-    nearest_meshes,
-    ray_mesh,
-)
+from s2a.scene.geometry.mesh_query import Forest, first_hits, nearest_faces, nearest_meshes, ray_mesh
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
 

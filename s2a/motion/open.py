@@ -301,12 +301,7 @@ def room_around(stage: SimStage, q: float) -> Obstacles:
 
 
 def reach_around(
-    stage: SimStage,
-    spec: RobotSpec,
-    first: np.ndarray,
-    q: float,
-    settings: PlannerConfig,
-    opened: float | None = None,
+    stage: SimStage, spec: RobotSpec, first: np.ndarray, q: float, settings: PlannerConfig, opened: float | None = None
 ) -> np.ndarray | None:
     """Return joints [pose arm] from home to `first` [arm] around a part at a coordinate, and around the room.
 

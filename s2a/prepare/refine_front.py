@@ -195,11 +195,7 @@ def find_sides(
             # Where the border runs outwards by `slope` per metre along.
             sides.append(
                 FrontSide(
-                    outward - slope * along,
-                    along + slope * outward,
-                    point,
-                    float(np.hypot(sigma, BORDER)),
-                    angle,
+                    outward - slope * along, along + slope * outward, point, float(np.hypot(sigma, BORDER)), angle
                 )
             )
     return tuple(sides)

@@ -301,12 +301,7 @@ artefacts.register(
     Artefact(
         "a simulation-ready stage", lambda path: _flavour(path) == sim_stage.FLAVOUR, room=sim_stage.read, tree=_prims
     ),
-    Artefact(
-        "another stage that s2a wrote",
-        _is_stage,
-        tree=_prims,
-        fallback=True,
-    ),
+    Artefact("another stage that s2a wrote", _is_stage, tree=_prims, fallback=True),
     Artefact(
         "the visuals of a room",
         lambda path: _room_of(path) is not None,

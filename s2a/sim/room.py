@@ -60,9 +60,7 @@ class Workspace:
     def planned_along(self, points: np.ndarray, resting: np.ndarray) -> Workspace:
         """Return it with the points [point 3] that a plan passes, and those of what it puts somewhere [point 3]."""
         return replace(
-            self,
-            points=np.concatenate([self.points, points]),
-            resting=np.concatenate([self.resting, resting]),
+            self, points=np.concatenate([self.points, points]), resting=np.concatenate([self.resting, resting])
         )
 
 

@@ -130,10 +130,7 @@ def leaves(layer: Layer, box: CellBox, motion: Motion) -> list[tuple[CellBox, Mo
     if not (upright and SINGLE < wide < PAIR and high < TALL_DOOR) and _stile(layer, box) < STILE:
         return whole
     middle = box.middle[0]
-    return [
-        (replace(box, right=middle), ("hinge", "left")),
-        (replace(box, left=middle), ("hinge", "right")),
-    ]
+    return [(replace(box, right=middle), ("hinge", "left")), (replace(box, left=middle), ("hinge", "right"))]
 
 
 def _stile(layer: Layer, box: CellBox) -> float:

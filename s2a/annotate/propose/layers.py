@@ -147,12 +147,7 @@ def layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
 
 
 def _levelled(
-    places: np.ndarray,
-    normal: np.ndarray,
-    offset: float,
-    others: np.ndarray,
-    config: ProposeConfig,
-    again: bool = True,
+    places: np.ndarray, normal: np.ndarray, offset: float, others: np.ndarray, config: ProposeConfig, again: bool = True
 ) -> Iterator[tuple[np.ndarray, float, np.ndarray]]:
     """Yield normal, offset [m] and corners [m] (low, high: along the plane, and upwards) of each connected piece of a plane.
 

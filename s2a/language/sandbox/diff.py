@@ -226,11 +226,7 @@ def _items(listed: Any) -> list:
 
 def _check_attributes(prim: Sdf.PrimSpec, plan: Placement) -> list[str]:
     """Raise unless the planned attributes are there with their values; return the names of the pose's operations."""
-    expected = {
-        "s2a:partId": plan.part_id,
-        "s2a:label": plan.label,
-        f"semantics:labels:{TAXONOMY}": [plan.label],
-    }
+    expected = {"s2a:partId": plan.part_id, "s2a:label": plan.label, f"semantics:labels:{TAXONOMY}": [plan.label]}
     for attribute in prim.attributes:
         _refuse_fields(attribute, ATTRIBUTE_FIELDS)
     values = {attribute.name: attribute.default for attribute in prim.attributes}

@@ -205,11 +205,7 @@ def _step(code: int, value: int, if_true: int = 0, if_false: int = 0) -> bytes:
 
 NAME = "<script>"  # What tracebacks call the script
 # What each sandbox layer keeps a script from
-GUARANTEES = {
-    "namespaces": ("files", "network"),
-    "landlock": ("files",),
-    "seccomp": ("network", "processes"),
-}
+GUARANTEES = {"namespaces": ("files", "network"), "landlock": ("files",), "seccomp": ("network", "processes")}
 
 
 def main(descriptor: int) -> None:

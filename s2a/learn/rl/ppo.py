@@ -116,14 +116,7 @@ class LazyLogger(Logger):
         self.cur_reward_sum, self.cur_episode_length = (x.masked_fill(done, 0.0) for x in (reward, length))
 
     def log(
-        self,
-        it: int,
-        start_it: int,
-        total_it: int,
-        collect_time: float,
-        learn_time: float,
-        *args: Any,
-        **kwargs: Any,
+        self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, *args: Any, **kwargs: Any
     ) -> None:
         """Take over the episodes that have ended, in their order, and log; where nobody sees a bar, with a line on stderr."""
         if self._kept:

@@ -206,11 +206,7 @@ SCALE = wp.constant(1.0e4)
 
 
 @wp.kernel
-def _cross(
-    obstacles: wp.uint64,
-    corners: wp.array2d(dtype=wp.vec3),
-    crossed: wp.array(dtype=int),
-):
+def _cross(obstacles: wp.uint64, corners: wp.array2d(dtype=wp.vec3), crossed: wp.array(dtype=int)):
     tid = wp.tid()
     a = corners[tid, 0]
     b = corners[tid, 1]
@@ -227,11 +223,7 @@ def _cross(
 
 
 @wp.kernel
-def _wind(
-    corners: wp.array2d(dtype=wp.vec3),
-    points: wp.array(dtype=wp.vec3),
-    winding: wp.array(dtype=float),
-):
+def _wind(corners: wp.array2d(dtype=wp.vec3), points: wp.array(dtype=wp.vec3), winding: wp.array(dtype=float)):
     tid = wp.tid()
     total = float(0.0)
     for face in range(corners.shape[0]):

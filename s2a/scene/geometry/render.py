@@ -123,14 +123,7 @@ def _linear(colors: np.ndarray | None) -> np.ndarray:
 
 
 CAMERA = OrbitCamera(
-    width=1200,
-    height=900,
-    samples=2,
-    fov=0.7,
-    azimuth=0.35,
-    elevation=0.65,
-    margin=1.05,
-    backface_culling=True,
+    width=1200, height=900, samples=2, fov=0.7, azimuth=0.35, elevation=0.65, margin=1.05, backface_culling=True
 )
 COLORS = ((220, 50, 40), (40, 160, 60), (40, 80, 220))  # RGB of the axes x, y and z
 

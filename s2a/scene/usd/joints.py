@@ -17,13 +17,7 @@ from s2a.scene.usd.stage import ROOT, placement, read_attribute, where, write_at
 
 Types = Sdf.ValueTypeNames
 # Fields that are numbers, and the attributes that hold them
-NUMBERS = {
-    "angle": "angle",
-    "shift": "shift",
-    "zero": "zero",
-    "angle_sigma": "angleSigma",
-    "shift_sigma": "shiftSigma",
-}
+NUMBERS = {"angle": "angle", "shift": "shift", "zero": "zero", "angle_sigma": "angleSigma", "shift_sigma": "shiftSigma"}
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,6 @@ class Suite(Generic[S, C]):
     """
 
     def __init__(self) -> None:
-        """Begin without checks."""
         self.rules: list[tuple[Question[S, C], Of, Need]] = []
 
     def check(self, of: Of = "part", needed_for: Need = "physics") -> Callable[[Question[S, C]], Question[S, C]]:

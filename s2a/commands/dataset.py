@@ -96,7 +96,6 @@ class CaptureJob(rooms.RoomJob):
     config: Config
 
     def __init__(self, config: Config, capture: Path, name: str) -> None:
-        """Begin a row with nothing made."""
         super().__init__(config, name, capture)
         self.capture = capture
 

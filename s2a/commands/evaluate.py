@@ -112,7 +112,6 @@ class Album:
     """World 0 as it began and where its part was farthest from there in its first episode, as joint coordinates."""
 
     def __init__(self, env: VecEnv) -> None:
-        """Keep the environment that is watched."""
         self._env = env
         self._poses: list[torch.Tensor] = []
         self._over = False

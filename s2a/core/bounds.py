@@ -21,7 +21,6 @@ class Above:
         return self.low < value <= self.high
 
     def __str__(self) -> str:
-        """Describe the bounds in an error message."""
         return f"a number above {self.low:g}" + (f", up to {self.high:g}" if self.high < math.inf else "")
 
 
@@ -37,7 +36,6 @@ class AtLeast:
         return self.low <= value <= self.high
 
     def __str__(self) -> str:
-        """Describe the bounds in an error message."""
         return f"a number from {self.low:g} to {self.high:g}" if self.high < math.inf else f"{self.low:g} or more"
 
 
@@ -50,7 +48,6 @@ class NotEmpty:
         return len(value) > 0
 
     def __str__(self) -> str:
-        """Describe the bounds in an error message."""
         return "a list of one or more, [a,b]"
 
 

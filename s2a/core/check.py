@@ -27,7 +27,6 @@ class Check:
     part: str = ""  # id of the annotated part asked about; empty for the whole room, and where `prim` says it
 
     def __str__(self) -> str:
-        """Return the check as one line."""
         return f"{self.prim or self.part or 'room'}: {self.message}" + (f"; {self.remedy}" if self.remedy else "")
 
 

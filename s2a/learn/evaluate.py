@@ -180,7 +180,6 @@ class SoftStates:
     """Where robot and body were in every trial, at every EVERYth control step."""
 
     def __init__(self) -> None:
-        """Begin without a trial."""
         self._trials: list[dict[str, Any]] = []
 
     def begin(self, trial: SoftTrial) -> None:

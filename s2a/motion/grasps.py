@@ -45,7 +45,6 @@ class ObjectGrasps:
     score: np.ndarray  # lower is better; roughly metres of lever arm, shape [grasp]
 
     def __getitem__(self, chosen: Sequence[int] | np.ndarray) -> ObjectGrasps:
-        """Return some of them, in this order."""
         return ObjectGrasps(*(each[chosen] for each in (self.tool, self.width, self.opened, self.score)))
 
 

@@ -36,7 +36,6 @@ class Obstacles:
     """
 
     def __init__(self, named: Sequence[Named], *, solid: bool) -> None:
-        """Build the search trees."""
         self.names, self.meshes = [name for name, _ in named], [mesh for _, mesh in named]
         self.is_solid = solid
         self._column: tuple[np.ndarray, float] | None = None

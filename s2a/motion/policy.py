@@ -53,7 +53,6 @@ class Pace:
     """
 
     def __init__(self, sim: Worlds, trajectory: Trajectory, limits: JointLimits, frequency: float) -> None:
-        """Begin as fast as planned."""
         self._limits, self._frequency = limits, frequency
         self._arm = trajectory.targets[:, : len(sim.robot.arm_joints)]
         self._count, self._device = sim.num_envs, sim.device

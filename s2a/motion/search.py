@@ -50,7 +50,6 @@ class Stand:
         return np.array([*self.base[:3, 3], *Rotation.from_matrix(self.base[:3, :3]).as_quat()])
 
     def __str__(self) -> str:
-        """Return the place in words."""
         x, y = self.base[:2, 3]
         raised = f" on a pedestal of {self.pedestal:.2f} m" if self.pedestal else ""
         return self.words or f"at ({x:.2f}, {y:.2f}){raised}"
@@ -66,7 +65,6 @@ class Miss:
     stand: Stand | None = None  # the base; None: none was tried, or it is of several
 
     def __str__(self) -> str:
-        """Return the failure with the base."""
         return f"{self.text} (base {self.stand})" if self.stand is not None else self.text
 
 

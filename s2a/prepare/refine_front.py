@@ -133,7 +133,6 @@ class Faces:
     """
 
     def __init__(self, surface: ScanSurface) -> None:
-        """Measure them."""
         self.surface = surface
         self.centroids = centroids(surface.mesh)
         self.areas = surface.mesh.face_areas

@@ -267,7 +267,6 @@ class Views:
     """
 
     def __init__(self, stage: SimStage, config: ViewsConfig, num_envs: int, device: str) -> None:
-        """Load the visuals; takes seconds."""
         self._config, self._stage, self._count = config, stage, num_envs
         world = visible_model(stage, by_part=True)
         builder = newton.ModelBuilder()

@@ -93,7 +93,6 @@ class Limits:
     """A robot's limits as tensors."""
 
     def __init__(self, spec: RobotSpec, device: str) -> None:
-        """Read them; the fingers have one of speed alone."""
         self._arm, self._finger = len(spec.arm_joints), spec.gripper.finger_speed
         lower, upper = torch.tensor(position_limits(spec), dtype=torch.float32, device=device)
         self._middle, self._range = (lower + upper) / 2, (upper - lower) / 2

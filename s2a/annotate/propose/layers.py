@@ -56,7 +56,6 @@ class Points:
     color: np.ndarray  # RGB, shape [point 3]
 
     def __getitem__(self, chosen: np.ndarray | slice) -> Points:
-        """Return some of the points."""
         return Points(self.place[chosen], self.normal[chosen], self.color[chosen])
 
 

@@ -39,7 +39,6 @@ class FrontNetwork(nn.Module):
     """
 
     def __init__(self) -> None:
-        """Make the layers."""
         super().__init__()
         self.first = nn.Sequential(nn.PixelUnshuffle(COARSE), _block(CHANNELS * COARSE**2, WIDTHS[0]))
         pairs = list(zip(WIDTHS, WIDTHS[1:], strict=False))

@@ -34,7 +34,6 @@ class Unresolved(Exception):
     """
 
     def __init__(self, kind: str, reason: str, options: Sequence[str] = ()) -> None:
-        """Keep why."""
         super().__init__(reason)
         self.kind, self.reason, self.options = kind, reason, tuple(options)
 

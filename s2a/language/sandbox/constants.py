@@ -26,7 +26,6 @@ class Names:
     """
 
     def __init__(self, tree: ast.Module, given: dict[str, str]) -> None:
-        """Collect all names."""
         self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
         self.names: dict[str, list[ast.expr | tuple | None]] = defaultdict(list)
         self.modules: dict[str, str] = {}
@@ -122,7 +121,6 @@ class Values(Names):
     """The values of a script's expressions."""
 
     def __init__(self, tree: ast.Module, given: dict[str, str]) -> None:
-        """Collect all names, as `Names` does."""
         super().__init__(tree, given)
         self._steps = 0
         self._active: set[str] = set()

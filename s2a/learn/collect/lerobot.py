@@ -278,7 +278,6 @@ class LeRobot(LeRobotDataset):
     }
 
     def __init__(self, root: Path, features: Features) -> None:
-        """Begin a dataset or go on with one."""
         super().__init__(root, features.fps, features.robot, _features(features))
 
     def add(self, episode: Episode) -> None:

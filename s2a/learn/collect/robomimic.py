@@ -32,7 +32,6 @@ class Robomimic:
     FILES: ClassVar[Mapping[str, type[ImageFile]]] = dict.fromkeys(NAMES, DeflatedImages)
 
     def __init__(self, root: Path, features: Features) -> None:
-        """Begin a dataset or go on with one."""
         self.root, self._features, self._lengths = root, features, list[int]()
         file = root / INDEX
         if file.is_file():

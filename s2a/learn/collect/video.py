@@ -56,7 +56,6 @@ class ColourVideo:
     """An mp4 file (H.264) of frames [height width 3], uint8, and the statistics of its pixels."""
 
     def __init__(self, stem: Path, width: int, height: int, fps: int) -> None:
-        """Open a file to write."""
         self._path, self._counts, self._frames = stem.with_suffix(".mp4"), np.zeros((3, 256), dtype=np.int64), 0
         options = {"g": str(KEYFRAMES), "crf": "23", "preset": "veryfast", "threads": "1"}
         self._file, self._stream = _opened(self._path, "libx264", "yuv420p", (width, height), fps, options)
@@ -116,7 +115,6 @@ class LosslessVideo:
     """An mkv file (FFV1) of frames [height width], uint16, that come back as they were."""
 
     def __init__(self, stem: Path, width: int, height: int, fps: int) -> None:
-        """Open a file to write."""
         self._path, self._frames = stem.with_suffix(".mkv"), 0
         self._file, self._stream = _opened(self._path, "ffv1", "gray16le", (width, height), fps, {"threads": "1"})
 
@@ -245,11 +243,9 @@ class Encoders:
         self._pending = 0  # frames that were sent, and are not known to be encoded
 
     def __enter__(self) -> Encoders:
-        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the processes."""
         for pipe in self._pipes:
             pipe.close()
         for process in self._processes:

@@ -27,7 +27,6 @@ class VisibleRoom:
     """The visuals of a room, as one surface and one a body; search trees are made once and shared."""
 
     def __init__(self, room: SimRoom) -> None:
-        """Take a room that was read with its visuals."""
         self._surfaces = {
             body.id: Mesh(in_scene(body, body.visual), body.visual.faces)
             for body in (*room.bodies.values(), *room.free.values())

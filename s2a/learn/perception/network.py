@@ -213,7 +213,6 @@ class Perception:
     """A network on the device that it is to run on."""
 
     def __init__(self, network: PartNetwork, device: str) -> None:
-        """Take a trained network."""
         self._network, self._device = network.to(device).eval(), device
 
     @torch.inference_mode()

@@ -82,7 +82,6 @@ class LazyLogger(Logger):
     cur_episode_length: torch.Tensor
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        """Begin with no step kept."""
         super().__init__(*args, **kwargs)
         self._kept: list[tuple[torch.Tensor, ...]] = []
 
@@ -159,7 +158,6 @@ class Runner(OnPolicyRunner):
     measured: dict[str, float]
 
     def __init__(self, env: RslRlEnv, settings: dict[str, Any], log_dir: str | None, device: str) -> None:
-        """Build what learns and what logs."""
         super().__init__(env, settings, log_dir, device)
         place = (self.is_distributed, self.gpu_world_size, self.gpu_global_rank)
         self.logger = LazyLogger(log_dir, self.cfg, env.cfg, env.num_envs, *place, device)

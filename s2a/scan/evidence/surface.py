@@ -36,7 +36,6 @@ class ScanSurface:
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Merge the surfaces of a scene."""
         self.scene = scene
         self.ids = tuple(scene.parts)
         meshes = [scene.parts[i].mesh for i in self.ids]

@@ -54,6 +54,8 @@ def model(hulls: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, conf
     """Return a model of prisms and a free body, its frame at the object's middle."""
     spec = mujoco.MjSpec()
     spec.option.timestep = config.step
+    # A wide flat object touches thousands of prisms at once, for which MuJoCo's own guess is too small
+    spec.memory = (1 << 24) + (1 << 16) * len(triangles)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.default.mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX

@@ -19,7 +19,17 @@ from s2a.motion.workcell import MovingPart, Workcell, lines, noisy_starts
 from s2a.robot.collision import SLACK
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import PathSettings, ToolPath, follow, matrix, opening_coordinate, part_path, straight
+from s2a.robot.tool_path import (
+    WAYS,
+    PathSettings,
+    ToolPath,
+    follow,
+    matrix,
+    opening_coordinate,
+    part_path,
+    slipping,
+    straight,
+)
 from s2a.robot.urdf import position_limits
 from s2a.scene.articulation import displace, transform
 from s2a.scene.scene import Joint
@@ -235,10 +245,32 @@ def drawn_back(joint: Joint, path: ToolPath, fraction: float) -> ToolPath:
 
 
 def planned_path(sim: Simulation, settings: PlannerConfig, tool_path: Skill) -> tuple[ToolPath, np.ndarray]:
-    """Return a task's tool path in a simulation's stage and a joint path [pose arm] that follows it; InputError: out of reach."""
-    path = tool_path(sim.stage, settings)
-    paths = joint_paths(kinematics(sim.robot), sim.stage, path, settings)
-    return path, paths[most_clear(sim.stage, sim.robot, paths, path)]
+    """Return a task's tool path in a simulation's stage and a joint path [pose arm] that follows it; InputError: out of reach.
+
+    Where the arm meets something on all paths that are asked for, the first of the other ways is taken on which it meets nothing.
+    """
+    kin, stage = kinematics(sim.robot), sim.stage
+    best: tuple[ToolPath, np.ndarray] | None = None
+    failure: InputError | None = None
+    for fraction, slip in WAYS[stage.joint.kind][: None if settings.pull_law is None else 1]:
+        path = tool_path(stage, replace(settings, opening=fraction * settings.opening))
+        path = slipping(path, stage.joint, slip)
+        try:
+            paths = joint_paths(kin, stage, path, settings)
+        except InputError as error:
+            failure = failure or error
+            continue
+        depth, index = most_clear(stage, sim.robot, paths, path)
+        if best is None or depth <= SLACK:
+            best = path, paths[index]
+        if depth <= SLACK:
+            if fraction < 1.0:
+                text = "%s: the arm opens %s by %.2f m; by %.2f m it cannot without a collision"
+                _log.warning(text, stage.path, stage.target, fraction * settings.opening, settings.opening)
+            break
+    if best is None:
+        raise failure or AssertionError("a path or a failure")
+    return best
 
 
 def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, settings: PlannerConfig) -> np.ndarray:
@@ -261,8 +293,10 @@ def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, settings: Plan
     return paths[np.argsort(distance + jump - 2.0 * np.clip(margin, 0.0, 0.2), kind="stable")]
 
 
-def most_clear(stage: SimStage, spec: RobotSpec, paths: np.ndarray, path: ToolPath) -> int:
-    """Return the index of the first joint path [path pose arm] that meets nothing, else of the one that does least.
+def most_clear(stage: SimStage, spec: RobotSpec, paths: np.ndarray, path: ToolPath) -> tuple[float, int]:
+    """Return how deep a joint path [path pose arm] reaches into things [m], and its index.
+
+    That is the first path that meets nothing, else the one that does least.
 
     What it meets itself weighs more than what is on the way to it, which may be led around. The arm turns all joints evenly from
     home to a path's first pose, where nothing may touch; from there on the gripper and the part move together, and the rest of
@@ -276,9 +310,9 @@ def most_clear(stage: SimStage, spec: RobotSpec, paths: np.ndarray, path: ToolPa
         own, _ = still.met(joints, base, part, path.q)
         on_the_way = max(float(start.arm_depth(reach, base).max()), still.shape.self_penetration(reach)[0])
         if max(own, on_the_way) <= SLACK:
-            return k
+            return max(own, on_the_way), k
         best = min(best, (max(own, SLACK), on_the_way, k))
-    return best[2]
+    return max(best[:2]), best[2]
 
 
 def moving_part(stage: SimStage) -> MovingPart:

@@ -18,7 +18,7 @@ from s2a.motion.trajectory import STRAIGHT_APPROACH
 from s2a.prepare.grasp import floor_height, floor_points, heading, lowest_point
 from s2a.robot.collision import SLACK, Penetration, RobotShape, robot_shape
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import HALF_TURN, opening_coordinate, part_path, straight
+from s2a.robot.tool_path import HALF_TURN, WAYS, opening_coordinate, part_path, slipping, straight
 from s2a.scan.evidence.surface import FloorConfig, FloorSupport, floor_support
 from s2a.scene.geometry.convex import column, overlap
 from s2a.scene.scene import Mesh, Scene, Vec3
@@ -80,32 +80,38 @@ def find_base(
     """Return where the robot stands to open a part.
 
     Inverse kinematics take most of the time: they are asked for many places at once, and for none where the robot starts in
-    something. Places whose floor is assumed are tried where none on scanned floor is free.
+    something. Places whose floor is assumed are tried where none on scanned floor is free, and after them all the other
+    ways to move a part.
     """
     joint, point, shape = scene.joint(target), np.array(grasp.point), robot_shape(robot)
-    opening = opening_coordinate(joint, point, config.opening)
-    poses = part_path(joint, np.array([*grasp.point, *grasp.orientation]), config.approach, opening).poses
+    held = np.array([*grasp.point, *grasp.orientation])
+
+    def poses(opening: float, slip: float) -> np.ndarray:
+        end = opening_coordinate(joint, point, opening * config.opening)
+        return slipping(part_path(joint, held, config.approach, end), joint, slip).poses
+
+    ways = [poses(*way) for way in WAYS[joint.kind][: None if config.search else 1]]
     near = Obstacles.of_scan(scene, point, config.query_radius)
     surroundings = ScannedSurfaces(near, near.without(moving), shape)
     ground = Ground(scene, target, point, near, swept, config, robot)
     search = Search(robot, shape.kin)
     preferred = next(iter(ground.places()))
 
-    def follow(stands: Sequence[Stand]) -> Follow:
+    def follow(poses: np.ndarray, stands: Sequence[Stand]) -> Follow:
         seeds = [config.ik_seeds * (4 if np.array_equal(_facing(s), preferred.base) else 1) for s in stands]
         return Follow("", 2, poses, surroundings.meets, seeds, tried=TRIED, clear=1, reach_time=MAX_REACH_TIME)
 
     waiting: set[Stand] = set()
-    for assumed in (False, True):
-        facings = partial(ground.facings, search=search, assumed=assumed)
-        for some in _groups(ground.places(), facings, surroundings, poses[0], search, follow, waiting):
-            for k, _ in search.followed(some, follow(some)):
+    for way, assumed in itertools.product(ways, (False, True)):
+        facings, followed = partial(ground.facings, search=search, assumed=assumed), partial(follow, way)
+        for some in _groups(ground.places(), facings, surroundings, way[0], search, followed, waiting):
+            for k, _ in search.followed(some, followed(some)):
                 return _chosen(some[k], _praise(some[k], preferred, search), True, assumed)
     order = sorted(search.misses.of.values(), key=lambda miss: miss.depth)
     for start in range(0, len(order), CHUNK):
         stands = [miss.stand for miss in order[start : start + CHUNK] if miss.stand is not None]
         unknown = [stand for stand in stands if stand in waiting]
-        reach = dict(zip(unknown, search.paths(unknown, follow(unknown)), strict=True)) if unknown else {}
+        reach = dict(zip(unknown, search.paths(unknown, follow(ways[0], unknown)), strict=True)) if unknown else {}
         for stand in stands:
             if stand not in reach or len(reach[stand]):
                 return _chosen(

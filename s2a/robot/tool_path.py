@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -14,6 +14,12 @@ from s2a.scene.scene import Joint
 
 STEP = 0.015  # [m] Distance between neighbouring poses
 TURN = 0.1  # [rad] Largest rotation between neighbouring poses
+# Ways to move a part, tried in this order: fractions of `opening`, and of a hinged part's turn that its handle makes in the
+# gripper. What is asked for, with the gripper fast on the handle; then what a person does in a corner
+WAYS = {
+    "revolute": ((1.0, 0.0), (1.0, 0.8), (0.75, 0.8)),
+    "prismatic": ((1.0, 0.0), (0.75, 0.0)),
+}
 
 
 @dataclass(frozen=True)
@@ -74,6 +80,28 @@ def part_path(
     for vector, distance in zip(vectors, back, strict=False):
         vector[:3] -= distance * ahead
     return ToolPath(matrices(np.array(vectors)), q, len(back) - 1)
+
+
+def slipping(path: ToolPath, joint: Joint, slip: float) -> ToolPath:
+    """Return a tool path on which the handle of a hinged part turns in the gripper.
+
+    A closed gripper that turns with a door needs the arm to swing around it; two fingers let a bar turn between them.
+
+    Args:
+        path: with the gripper fast on its handle.
+        joint: of the part.
+        slip: fraction of the part's turn that the gripper does not make.
+    """
+    if path.pushes or slip == 0.0:
+        return path
+    poses, held = path.poses.copy(), path.grasp
+    for k in range(path.grasp, len(poses)):
+        held = k if path.q[k] != path.q[k - 1] else held  # the gripper draws back from where the part was moved to
+        back = Rotation.from_rotvec(-slip * (path.q[k] - path.q[path.grasp]) * np.array(joint.axis)).as_matrix()
+        pivot = path.poses[held, :3, 3]
+        poses[k, :3, :3] = back @ path.poses[k, :3, :3]
+        poses[k, :3, 3] = pivot + back @ (path.poses[k, :3, 3] - pivot)
+    return replace(path, poses=poses)
 
 
 def turns(rotations: np.ndarray) -> np.ndarray:

@@ -11,14 +11,15 @@ from cabinet import box, write_cabinet
 from settings import load
 
 from s2a import robot
-from s2a.motion.open import joint_paths, most_clear, opening_path, plan_letting_go, reach_around, room_around
+from s2a.motion.open import joint_paths, most_clear, opening_path, plan_letting_go, planned_path, reach_around, room_around
 from s2a.motion.trajectory import PlannerConfig
 from s2a.motion.workcell import Workcell
-from s2a.robot.collision import robot_shape
+from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import ToolPath, matrices, matrix
 from s2a.scene.articulation import displace
 from s2a.scene.geometry import convex
+from s2a.scene.scene import Joint
 from s2a.scene.usd.sim_scene import Collider
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
@@ -68,16 +69,16 @@ def test_the_arm_takes_a_path_on_which_nothing_is_in_its_way(tmp_path: Path) -> 
     plain = read_stage(write_cabinet(tmp_path / "plain.usda"))
     path, kin = path_of(plain), kinematics(PANDA)
     paths = joint_paths(kin, plain, path, settings())
-    first = paths[most_clear(plain, PANDA, paths, path)]
+    first = paths[most_clear(plain, PANDA, paths, path)[1]]
     halfway = (np.array(PANDA.home) + first[0]) / 2
     place = matrix(plain.base) @ kin.tool(halfway[None])[0]
     post = box(tuple(place[:3, 3]), (0.03, 0.03, 0.03))
     blocked = read_stage(write_cabinet(tmp_path / "blocked.usda", beside=[post]))
-    other = paths[most_clear(blocked, PANDA, paths, path)]
+    other = paths[most_clear(blocked, PANDA, paths, path)[1]]
     assert not np.array_equal(first, other)
     both = np.stack([first, other])
-    assert most_clear(plain, PANDA, both, path) == 0
-    assert [most_clear(blocked, PANDA, each, path) for each in (both, both[::-1])] == [1, 0]
+    assert most_clear(plain, PANDA, both, path)[1] == 0
+    assert [most_clear(blocked, PANDA, each, path)[1] for each in (both, both[::-1])] == [1, 0]
 
 
 def test_the_arm_takes_a_path_on_which_the_part_does_not_move_into_it(tmp_path: Path) -> None:
@@ -95,8 +96,23 @@ def test_the_arm_takes_a_path_on_which_the_part_does_not_move_into_it(tmp_path: 
     wide = replace(body, colliders=(*body.colliders, Collider(stage.target, rider)))
     room = replace(stage.room, bodies={**stage.room.bodies, stage.target: wide})
     both = paths[[0, other]]
-    assert most_clear(stage, PANDA, both, path) == 0
-    assert most_clear(replace(stage, room=room), PANDA, both, path) == 1
+    assert most_clear(stage, PANDA, both, path)[1] == 0
+    assert most_clear(replace(stage, room=room), PANDA, both, path)[1] == 1
+
+
+def test_a_door_is_opened_another_way_where_the_asked_one_meets_something(tmp_path: Path) -> None:
+    """A post stands where the hand would be that turned with the door all the way."""
+    door = Joint("revolute", (0.0, 0.0, 1.0), (0.31, 0.45, 0.7), (0.0, 1.5))
+    stage = read_stage(write_cabinet(tmp_path / "plain.usda", joint=door))
+    plain = Simulation(stage, load(SimConfig, "sim/planner"), 1)
+    asked, _ = planned_path(plain, settings(), opening_path)
+    np.testing.assert_array_equal(asked.poses, path_of(plain.stage).poses)
+    hand = asked.poses[-1, :3, 3] - 0.12 * asked.poses[-1, :3, 2]
+    post = write_cabinet(tmp_path / "post.usda", joint=door, beside=[box(tuple(hand), (0.02, 0.02, 0.02))])
+    blocked = Simulation(read_stage(post), load(SimConfig, "sim/planner"), 1)
+    path, arm = planned_path(blocked, settings(), opening_path)
+    assert not np.array_equal(path.poses, asked.poses)
+    assert most_clear(blocked.stage, PANDA, arm[None], path)[0] <= SLACK
 
 
 def test_a_task_that_lets_go_ends_with_open_fingers_off_the_handle(tmp_path: Path) -> None:

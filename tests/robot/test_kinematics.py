@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import newton
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from s2a import robot
 from s2a.robot.kinematics import kinematics
 from s2a.robot.model import add_robot
-from s2a.robot.tool_path import JUMP, follow, opening_coordinate, part_path, straight
+from s2a.robot.tool_path import JUMP, follow, opening_coordinate, part_path, slipping, straight
 from s2a.scene.scene import Joint
 
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
@@ -74,6 +75,25 @@ def test_the_tool_path_turns_with_a_door_and_is_straight_with_a_drawer() -> None
     turn = Rotation.from_matrix(door.poses[-1, :3, :3] @ door.poses[0, :3, :3].T).as_rotvec()
     assert turn == pytest.approx([0, 0, -math.pi / 2], abs=1e-9)
     assert door.poses[-1, :3, 3] == pytest.approx([0.4, -0.4, 0.5])
+
+
+def test_a_slipping_handle_stays_in_the_gripper_which_turns_less_than_the_door() -> None:
+    fast = part_path(HINGE, GRASP, 0.1, -1.0)
+    turn, count = np.eye(4), fast.grasp
+    turn[:3, :3] = Rotation.from_euler("z", -1.0).as_matrix()
+    origin = np.eye(4)
+    origin[:3, 3] = HINGE.origin
+    retreat = origin @ turn @ np.linalg.inv(origin) @ fast.poses[:count][::-1]
+    fast = replace(fast, poses=np.concatenate([fast.poses, retreat]), q=np.append(fast.q, np.full(count, -1.0)))
+    path = slipping(fast, HINGE, 0.8)
+    end = len(path.poses) - count - 1
+    np.testing.assert_allclose(path.poses[: end + 1, :3, 3], fast.poses[: end + 1, :3, 3], atol=1e-12)
+    np.testing.assert_allclose(path.poses[: count + 1], fast.poses[: count + 1], atol=1e-12)
+    turned = Rotation.from_matrix(path.poses[end, :3, :3] @ path.poses[count, :3, :3].T).as_rotvec()
+    assert turned == pytest.approx([0, 0, -0.2], abs=1e-9)
+    # It draws back along its own fingers, which is not where the door's front looks.
+    np.testing.assert_allclose(path.poses[-1, :3, 3], path.poses[end, :3, 3] - 0.1 * path.poses[end, :3, 2], atol=1e-9)
+    assert slipping(fast, HINGE, 0.0) is fast
 
 
 def test_a_part_is_opened_as_far_as_asked_or_nearly_as_far_as_it_goes() -> None:

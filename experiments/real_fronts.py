@@ -34,6 +34,7 @@ from proposals import faces_of, overlap, true_parts
 from s2a import scan
 from s2a.annotate import existing, files
 from s2a.annotate.editor import Editor
+from s2a.annotate.handle import usual_place
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.core.provenance import provenance
@@ -234,8 +235,8 @@ def corrected(capture: str, folder: Path, out: Path) -> dict:
     """Correct proposals as on the page until they are an annotator's fronts, and write them; return what was done.
 
     Actions: a proposal is selected and removed; a wrong hinge is selected, its mode chosen, its side clicked; of a missing front
-    the rectangle is dragged, the kind chosen, the hinge's side clicked, the handle's mode and place clicked. Turns of the camera
-    are not counted, one or more a missing front.
+    the rectangle is dragged, the kind chosen, the hinge's side clicked, the handle's mode and place clicked,
+    where handles usually are if the annotator saw none. Turns of the camera are not counted, one or more a missing front.
     """
     scanned = files.read(folder)
     surface = scanned.surface
@@ -253,7 +254,7 @@ def corrected(capture: str, folder: Path, out: Path) -> dict:
         elif truth.hinge and truth.hinge != fronts[j].hinge:
             editor.hinge(_side(truth)[None])
             actions["hinge"] += 3
-    unseen = 0
+    unseen = assumed = 0
     for i in sorted(set(range(len(real))) - set(pairs.values())):
         truth = real[i]
         faces = _seen(editor.annotation.surface, truth)
@@ -267,9 +268,10 @@ def corrected(capture: str, folder: Path, out: Path) -> dict:
         else:
             editor.hinge(_side(truth)[None])
             actions["drawn"] += 4
-        if truth.handle is not None:
-            editor.handle(truth.handle)
-            actions["drawn"] += 2
+        item = editor.annotation.items[-1]
+        assumed += truth.handle is None
+        editor.handle(usual_place(item.region, item.joint) if truth.handle is None else truth.handle)
+        actions["drawn"] += 2
     files.write(editor.annotation, scanned, out, earlier, annotated=str(folder), auto=False, edit=True)
     count = sum(actions.values()) + 1  # save
     return {
@@ -278,6 +280,7 @@ def corrected(capture: str, folder: Path, out: Path) -> dict:
         "right": len(pairs),
         "drawn": len(real) - len(pairs) - unseen,
         "not_scanned": unseen,
+        "assumed_handles": assumed,
         "actions": {**actions, "save": 1},
         "seconds": PACE * count,
     }

@@ -11,7 +11,15 @@ from cabinet import box, write_cabinet
 from settings import load
 
 from s2a import robot
-from s2a.motion.open import joint_paths, most_clear, opening_path, plan_letting_go, planned_path, reach_around, room_around
+from s2a.motion.open import (
+    joint_paths,
+    most_clear,
+    opening_path,
+    plan_letting_go,
+    planned_path,
+    reach_around,
+    room_around,
+)
 from s2a.motion.trajectory import PlannerConfig
 from s2a.motion.workcell import Workcell
 from s2a.robot.collision import SLACK, robot_shape

@@ -57,15 +57,10 @@ _MOSTLY = 0.5  # an object with more than this share of its vertices in annotate
 
 @dataclass(frozen=True)
 class Group:
-    """One annotated object.
+    """One annotated object."""
 
-    Attributes:
-        label: what it is ("office chair").
-        vertices: indices into the scan's vertices, ascending, each once, shape [n], int64.
-    """
-
-    label: str
-    vertices: np.ndarray
+    label: str  # what it is ("office chair")
+    vertices: np.ndarray  # indices into the scan's vertices, ascending, each once, shape [n], int64
 
 
 def read_segments(segments_path: Path, groups_path: Path, vertex_count: int) -> list[Group]:
@@ -130,8 +125,7 @@ def _group(record: Record, segments: np.ndarray, each_its_own: bool) -> Group:
 _log = logging.getLogger(__name__)
 
 UNANNOTATED = "unannotated"  # label of the part that takes the faces nobody annotated
-REMOVED = -2
-"""Owner of faces that annotators marked as artefacts of the reconstruction; no part gets them."""
+REMOVED = -2  # Owner of faces that annotators marked as artefacts of the reconstruction; no part gets them
 
 
 def claim(surface: ScanMesh, owner: np.ndarray, count: int, files: tuple[Path, Path] | None) -> list[str]:

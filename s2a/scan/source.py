@@ -80,71 +80,45 @@ def _existing(folder: Path, name: str) -> Path | None:
     return fits[0] if fits else None
 
 
-GREY = 170
-"""Level of what has no colour."""
+GREY = 170  # Level of what has no colour
 
 
-_FARTHEST = 1e9
-"""Texture coordinate from where on float64 tells no texels apart."""
-REPEAT, CLAMP, MIRROR, BLACK = "repeat", "clamp", "mirror", "black"
-"""What a texture shows beyond coordinates of 0 to 1."""
+_FARTHEST = 1e9  # Texture coordinate from where on float64 tells no texels apart
+REPEAT, CLAMP, MIRROR, BLACK = "repeat", "clamp", "mirror", "black"  # What a texture shows beyond coordinates of 0 to 1
 
 
 @dataclass(frozen=True)
 class Material:
-    """What colours some faces.
+    """What colours some faces."""
 
-    Attributes:
-        color: linear RGB from 0 to 1, shape [3]; multiplies texture and corners.
-        texture: sRGB, shape [row column 3], uint8, first row on top; None without one.
-        wrap: of the texture, along u and v: REPEAT, CLAMP, MIRROR or BLACK.
-    """
-
-    color: np.ndarray
-    texture: np.ndarray | None = None
-    wrap: tuple[str, str] = (REPEAT, REPEAT)
+    color: np.ndarray  # linear RGB from 0 to 1, shape [3]; multiplies texture and corners
+    texture: np.ndarray | None = None  # sRGB, shape [row column 3], uint8, first row on top; None without one
+    wrap: tuple[str, str] = (REPEAT, REPEAT)  # of the texture, along u and v: REPEAT, CLAMP, MIRROR or BLACK
 
 
-PLAIN = Material(to_linear(np.full(3, GREY / 255)))
-"""What has no colour, or lost it."""
+PLAIN = Material(to_linear(np.full(3, GREY / 255)))  # What has no colour, or lost it
 
 
 @dataclass(frozen=True)
 class Stated:
-    """What a file states about its frame.
+    """What a file states about its frame."""
 
-    Attributes:
-        up: "x", "y" or "z"; None where the format does not say.
-        unit: metres a unit; None where the format does not say.
-        by: who says so ("glTF").
-    """
-
-    up: str | None = None
-    unit: float | None = None
-    by: str = ""
+    up: str | None = None  # "x", "y" or "z"; None where the format does not say
+    unit: float | None = None  # metres a unit; None where the format does not say
+    by: str = ""  # who says so ("glTF")
 
 
 @dataclass(frozen=True)
 class SourceMesh:
-    """All triangles of a file in its order, node transforms applied.
+    """All triangles of a file in its order, node transforms applied."""
 
-    Attributes:
-        vertices: in the file's unit, shape [vertex 3], float64.
-        faces: vertex indices, shape [face 3], int64.
-        uv: texture coordinates of the corners, v upwards, shape [face 3 2]; NaN where there are none.
-        colors: linear RGB of the corners, shape [face 3 3], 0 to 1, float32; NaN where there are none.
-        material: index into `materials`, shape [face]; -1 for none.
-        materials: the materials.
-        stated: the file's own statement of frame and unit.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    uv: np.ndarray
-    colors: np.ndarray
-    material: np.ndarray
-    materials: tuple[Material, ...]
-    stated: Stated
+    vertices: np.ndarray  # in the file's unit, shape [vertex 3], float64
+    faces: np.ndarray  # vertex indices, shape [face 3], int64
+    uv: np.ndarray  # texture coordinates of the corners, v upwards, shape [face 3 2]; NaN where there are none
+    colors: np.ndarray  # linear RGB of the corners, shape [face 3 3], 0 to 1, float32; NaN where there are none
+    material: np.ndarray  # index into `materials`, shape [face]; -1 for none
+    materials: tuple[Material, ...]  # the materials
+    stated: Stated  # the file's own statement of frame and unit
 
 
 def joined(parts: list[SourceMesh], stated: Stated) -> SourceMesh:

@@ -10,6 +10,7 @@ from scipy import ndimage
 from s2a.scan.surfels import Sampled, Surfels, cos
 from s2a.scene.geometry.occupancy import connected_cells
 
+# Weight of each kind of evidence in the logarithm of a direction's odds, as tools/bench_upright.py fits them
 WEIGHTS = {
     "height": 2.4,  # it is as large as rooms are high
     "tops": 0.9,  # more looks up than down
@@ -28,20 +29,17 @@ WEIGHTS = {
     "chests": 0.6,
     "shelves": -0.5,
 }
-"""Weight of each kind of evidence in the logarithm of a direction's odds, as tools/bench_upright.py fits them."""
-SURE = 0.98
-"""Confidence from which on a direction is believed for a part of a room."""
+SURE = 0.98  # Confidence from which on a direction is believed for a part of a room
+# Confidence from which on a direction is believed along which a scan is narrow: it may be a strip along a wall on its
+# back
 SURE_OF_STRIP = 0.995
-"""Confidence from which on a direction is believed along which a scan is narrow: it may be a strip along a wall on its back."""
-SURE_OF_WHOLE = 0.7
-"""Confidence from which on a direction is believed for a closed room."""
+SURE_OF_WHOLE = 0.7  # Confidence from which on a direction is believed for a closed room
+# Confidence without a doubt where a side of the room is missing: of an open room, and of one closed otherwise
 CERTAIN = (0.992, 0.998)
-"""Confidence without a doubt where a side of the room is missing: of an open room, and of one closed otherwise."""
+# A direction counts if at least this much of what lies along or across the best one lies along or across it
 FAMILIAR = 0.75
-"""A direction counts if at least this much of what lies along or across the best one lies along or across it."""
 
-CORRECTED = 15.0
-"""Largest tilt of a floor that is corrected [deg]."""
+CORRECTED = 15.0  # Largest tilt of a floor that is corrected [deg]
 
 _SIDE = 12.0  # deg; a surfel faces along or across a direction within this angle
 _LEVEL = 18.0  # deg; a surfel is level within this angle
@@ -50,8 +48,8 @@ _RIM = 0.06  # fraction of an extent at either end in which floor, ceiling and w
 _DEPTHS = (0.06, 0.12)  # fractions of an extent at either end that are cut off to part objects
 _PLANE = 0.02  # fraction of the surface in one plane that makes it a wall, a floor or a large front
 _COMPONENT = 8e-4  # fraction of the surface from which on a component is an object
+# Heights of furniture [m]
 _BENCHES = {"plinths": (0.10, 0.34), "tables": (0.67, 0.80), "chests": (0.98, 1.40), "shelves": (1.40, 2.00)}
-"""Heights of furniture [m]."""
 _FLOOR, _UPRIGHT = 0.15, 0.05  # fraction of the footprint that the floor, and of the surface that walls at least are
 _FLOOR_POINTS = 200  # samples in a floor, from which on its plane is fitted
 _CLOSED = (0.62, 0.72, 0.80)  # mean coverage of six sides: of a part of a room, most rooms without ceiling, whole ones
@@ -61,15 +59,10 @@ _NARROW = 1.8  # m; what is narrower is no whole room
 
 @dataclass(frozen=True)
 class Candidate:
-    """A direction that may be up.
+    """A direction that may be up."""
 
-    Attributes:
-        up: unit, in the mesh's coordinates, shape [3].
-        evidence: what speaks for it, by the keys of WEIGHTS.
-    """
-
-    up: np.ndarray
-    evidence: dict[str, float]
+    up: np.ndarray  # unit, in the mesh's coordinates, shape [3]
+    evidence: dict[str, float]  # what speaks for it, by the keys of WEIGHTS
 
     @property
     def score(self) -> float:
@@ -79,17 +72,11 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Clutter:
-    """What stands in a room: surfels beside its walls, floor, ceiling and large planes, in connected components.
+    """What stands in a room: surfels beside its walls, floor, ceiling and large planes, in connected components."""
 
-    Attributes:
-        index: surfels, shape [member].
-        label: component of each, shape [member].
-        weight: square root of each component's part of the surface; 0 for crumbs, shape [component].
-    """
-
-    index: np.ndarray
-    label: np.ndarray
-    weight: np.ndarray
+    index: np.ndarray  # surfels, shape [member]
+    label: np.ndarray  # component of each, shape [member]
+    weight: np.ndarray  # square root of each component's part of the surface; 0 for crumbs, shape [component]
 
 
 def candidates(mesh: Sampled, metres: float | None = None) -> list[Candidate]:

@@ -16,8 +16,8 @@ from s2a.scan.source import BLACK, CLAMP, MIRROR, PLAIN, REPEAT, Material, besid
 
 _log = logging.getLogger(__name__)
 
+# Render contexts of surfaces, in the order in which they are asked; the first is the universal one
 CONTEXTS = ("", "mdl", "mtlx")
-"""Render contexts of surfaces, in the order in which they are asked; the first is the universal one."""
 COLORS = (
     "diffuseColor base_color baseColor diffuse_color_constant diffuse_reflection_color albedo_color diffuse_color BaseColor "
     "DiffuseColor glass_color color"
@@ -26,8 +26,8 @@ TEXTURES = (
     "diffuse_texture base_color_texture albedo_texture diffuse_reflection_color_image baseColorTexture BaseColor_Tex albedo_map "
     "baseColorMap base_color_image"
 ).split()
+# Inputs of surfaces: colours, images of MDL, and what multiplies both
 FACTORS = ("diffuse_tint", "albedo_brightness", "base", "base_weight")
-"""Inputs of surfaces: colours, images of MDL, and what multiplies both."""
 WRAPS = {"clamp": CLAMP, "mirror": MIRROR, "black": BLACK}
 # Colour spaces of colours that are levels as shown; others are linear light
 SHOWN = ("sRGB", "srgb_texture", "srgb_rec709_display", "srgb_rec709_scene")
@@ -37,23 +37,14 @@ READERS = ("UsdPrimvarReader_float3", "UsdPrimvarReader_float4", "ND_geompropval
 
 @dataclass(frozen=True)
 class Appearance:
-    """What a material makes of a mesh.
+    """What a material makes of a mesh."""
 
-    Attributes:
-        material: colour and texture.
-        coordinates: name of the primvar with texture coordinates.
-        scale: of the coordinates, shape [2].
-        turn: rotation of the coordinates after that [rad].
-        offset: of the coordinates after that, shape [2].
-        primvar: name of a primvar that gives the colour, or None.
-    """
-
-    material: Material
-    coordinates: str = "st"
-    scale: np.ndarray = field(default_factory=lambda: np.ones(2))
-    turn: float = 0.0
-    offset: np.ndarray = field(default_factory=lambda: np.zeros(2))
-    primvar: str | None = None
+    material: Material  # colour and texture
+    coordinates: str = "st"  # name of the primvar with texture coordinates
+    scale: np.ndarray = field(default_factory=lambda: np.ones(2))  # of the coordinates, shape [2]
+    turn: float = 0.0  # rotation of the coordinates after that [rad]
+    offset: np.ndarray = field(default_factory=lambda: np.zeros(2))  # of the coordinates after that, shape [2]
+    primvar: str | None = None  # name of a primvar that gives the colour, or None
 
     def placed(self, uv: np.ndarray) -> np.ndarray:
         """Return texture coordinates [... 2] as the material moves them."""

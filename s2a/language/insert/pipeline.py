@@ -35,13 +35,12 @@ from s2a.language.sandbox.policy import HIDDEN
 from s2a.scan.labels import part_id
 from s2a.scene.scene import Mesh, Part, Scene
 
+# A block of code in Markdown
 FENCE = re.compile(
     r"^[ \t>]*(?P<fence>`{3,}|~{3,})[ \t]*(?P<language>[\w.+-]*)[^\n`]*\n(?P<script>.*?)(?:^[ \t]*(?P=fence)[`~]*[ \t]*$|\Z)",
     re.DOTALL | re.MULTILINE,
 )
-"""A block of code in Markdown."""
-MAX_HINT = 2000
-"""Letters of a placement hint."""
+MAX_HINT = 2000  # Letters of a placement hint
 LANGUAGES = ("python", "python3", "py", "py3")
 
 

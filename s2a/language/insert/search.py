@@ -22,18 +22,12 @@ from s2a.scene.geometry.occupancy import Grid, distinct_cells, mask_of, occupied
 from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Joint, Mesh, Scene
 
-SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
-"""Directions on a region's grid."""
-BACKED = 0.5
-"""Share of the rays over a side of a region that must meet something for the side to be backed."""
-HEIGHTS = (0.05, 0.15, 0.25)
-"""Of these rays above the region [m]."""
-SPREAD = 9
-"""Of these rays along a side."""
-TALLEST = 1.7
-"""Height of furniture over which people hang things [m]."""
-THIN, OFF = 0.2, 0.12
-"""What hangs on a wall is at most this deep, and its back at most this far from it [m]."""
+SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))  # Directions on a region's grid
+BACKED = 0.5  # Share of the rays over a side of a region that must meet something for the side to be backed
+HEIGHTS = (0.05, 0.15, 0.25)  # Of these rays above the region [m]
+SPREAD = 9  # Of these rays along a side
+TALLEST = 1.7  # Height of furniture over which people hang things [m]
+THIN, OFF = 0.2, 0.12  # What hangs on a wall is at most this deep, and its back at most this far from it [m]
 
 
 @dataclass(frozen=True)
@@ -67,19 +61,12 @@ class PreferenceConfig:
 
 @dataclass(frozen=True)
 class Preferences:
-    """Preferences among the placements of one object on one region.
+    """Preferences among the placements of one object on one region."""
 
-    Attributes:
-        against: Prefer placements with the object's back against something.
-        near: points of the requested neighbour [m], shape [point 3], or None.
-        backed: for each of `SIDES`, True if a wall or the like rises beyond it.
-        aim: least and largest height of the middle of what hangs [m], scene coordinates.
-    """
-
-    against: bool
-    near: np.ndarray | None
-    backed: tuple[bool, ...]
-    aim: tuple[float, float]
+    against: bool  # Prefer placements with the object's back against something
+    near: np.ndarray | None  # points of the requested neighbour [m], shape [point 3], or None
+    backed: tuple[bool, ...]  # for each of `SIDES`, True if a wall or the like rises beyond it
+    aim: tuple[float, float]  # least and largest height of the middle of what hangs [m], scene coordinates
 
 
 def preferences(
@@ -282,21 +269,13 @@ class SearchConfig:
 
 @dataclass(frozen=True)
 class OccupancyGrid:
-    """The padded occupancy grid over a region.
+    """The padded occupancy grid over a region."""
 
-    Attributes:
-        pad: cells added on each side of the region.
-        carries: supported cells with clearance, shape [row column].
-        layers: occupied cells by layer, shape [layer row column].
-        edges: heights of the layers' borders above the region [m], shape [layer + 1].
-        beyond: cells beyond the outline of the region, over which objects would overhang, shape [row column].
-    """
-
-    pad: int
-    carries: np.ndarray
-    layers: np.ndarray
-    edges: np.ndarray
-    beyond: np.ndarray
+    pad: int  # cells added on each side of the region
+    carries: np.ndarray  # supported cells with clearance, shape [row column]
+    layers: np.ndarray  # occupied cells by layer, shape [layer row column]
+    edges: np.ndarray  # heights of the layers' borders above the region [m], shape [layer + 1]
+    beyond: np.ndarray  # cells beyond the outline of the region, over which objects would overhang, shape [row column]
 
 
 def occupancy_grid(
@@ -325,27 +304,18 @@ def occupancy_grid(
     return OccupancyGrid(pad, carries, grown, edges, beyond)
 
 
-Keep = Callable[[np.ndarray], np.ndarray]
-"""A filter of places [m], shape [place 3] -> shape [place]."""
-BACK_FIRST = 0.6
-"""Weight of the neighbour of what stands against something: its back comes first."""
+Keep = Callable[[np.ndarray], np.ndarray]  # A filter of places [m], shape [place 3] -> shape [place]
+BACK_FIRST = 0.6  # Weight of the neighbour of what stands against something: its back comes first
 
 
 @dataclass(frozen=True)
 class GridCandidate:
-    """A placement on the grid.
+    """A placement on the grid."""
 
-    Attributes:
-        score: the higher, the better.
-        turn: yaw relative to the facing direction [rad].
-        place: cell of the object's origin, shape [2].
-        room: distance from the nearest obstacle or edge [m].
-    """
-
-    score: float
-    turn: float
-    place: np.ndarray
-    room: float
+    score: float  # the higher, the better
+    turn: float  # yaw relative to the facing direction [rad]
+    place: np.ndarray  # cell of the object's origin, shape [2]
+    room: float  # distance from the nearest obstacle or edge [m]
 
 
 def grid_candidates(

@@ -15,19 +15,16 @@ from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Joint, Mesh, Scene
 from s2a.scene.upright_box import Box, silhouette, upright_box
 
+# Weights of what tells the front: what opens there, what is high behind, a wall behind, a long side, the surface, the
+# middle of the room
 OPENS, HIGH, BACKED, LONG, SHOWN, INWARD = 1.5, 1.0, 1.0, 0.5, 2.0, 0.15
-"""Weights of what tells the front: what opens there, what is high behind, a wall behind, a long side, the surface, the middle of
-the room."""
-ELONGATED = 1.6
-"""What is longer than this many widths is used from a long side: counters and desks, and not toilets."""
+ELONGATED = 1.6  # What is longer than this many widths is used from a long side: counters and desks, and not toilets
+# On which one sits, and looks ahead; before all else one sits or stands, and looks around
 SEATS = ("sofa", "couch", "armchair", "chair", "bed", "bench", "toilet")
-"""On which one sits, and looks ahead; before all else one sits or stands, and looks around."""
-TOP = 0.75
-"""What is above this fraction of the height is high."""
-CLOSE, REACH = 0.1, 0.6
-"""Distance over which a wall's closeness fades, and length of the rays that look for one [m]."""
+TOP = 0.75  # What is above this fraction of the height is high
+CLOSE, REACH = 0.1, 0.6  # Distance over which a wall's closeness fades, and length of the rays that look for one [m]
+# Places of these rays along a side, in widths from its middle, and their heights, in heights
 ALONG, UP = (-0.35, 0.0, 0.35), (0.25, 0.5, 0.75)
-"""Places of these rays along a side, in widths from its middle, and their heights, in heights."""
 
 
 def front(scene: Scene, part_id: str) -> np.ndarray:
@@ -98,21 +95,20 @@ def _closeness(scene: Scene, own: list[str], mesh: Mesh, box: Box, sides: np.nda
     return closeness
 
 
-SEEN, CLEAR = 0.5, 0.75
-"""Least visible fractions of an object that is not hidden, and of one of which little is."""
+SEEN, CLEAR = 0.5, 0.75  # Least visible fractions of an object that is not hidden, and of one of which little is
+# Height of the eyes above the floor, their distance, and their least height over the object's middle [m]
 EYE, AWAY, ABOVE = 1.45, 1.0, 0.1
-"""Height of the eyes above the floor, their distance, and their least height over the object's middle [m]."""
+# Directions of the eyes from the front of the support [rad]: an object is seen from two of them
 AZIMUTHS = np.radians([0.0, 35.0, -35.0])
-"""Directions of the eyes from the front of the support [rad]: an object is seen from two of them."""
 POINTS = 60
-GAP = 0.004
-"""Rays start this far from the surface [m]."""
+GAP = 0.004  # Rays start this far from the surface [m]
+# What others may hide stands on the same region up to this error, and is no longer than this: furniture is not hidden
+# [m]
 STANDS, LONGEST = 0.03, 0.7
-"""What others may hide stands on the same region up to this error, and is no longer than this: furniture is not hidden [m]."""
+# Kinds before which people need all the room to use them; a bathtub is long
 USED_STANDING = ("toilet", "washbasin", "shower", "stove", "refrigerator", "washing machine", "dishwasher")
-"""Kinds before which people need all the room to use them; a bathtub is long."""
+# Free depth before these, about that of a standing person, and height of what one steps over, such as a mat [m]
 ROOM_BEFORE, LOW = 0.55, 0.08
-"""Free depth before these, about that of a standing person, and height of what one steps over, such as a mat [m]."""
 
 
 class Fault(IntEnum):
@@ -123,8 +119,8 @@ class Fault(IntEnum):
     MOSTLY = 2
 
 
+# Its two level axes [axis 2], and its least and largest places on them [m]
 Rectangle = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Its two level axes [axis 2], and its least and largest places on them [m]."""
 
 
 class PlaceServes:

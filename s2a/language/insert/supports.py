@@ -17,12 +17,12 @@ from s2a.scene.geometry.planes import Plane, RansacConfig, ransac_plane
 from s2a.scene.geometry.regions import KINDS, Kind, Region, RegionConfig, support_regions
 from s2a.scene.scene import Joint, Mesh, Scene
 
+# Rim fraction from which a region is a basin, and its largest width [m]: a floor among furniture is none, a bathtub
+# is
 BASIN, WIDEST_BASIN = 0.5, 1.0
-"""Rim fraction from which a region is a basin, and its largest width [m]: a floor among furniture is none, a bathtub is."""
+# What is lower than this and not as long as that lies flat on something; it blocks its place up to a height [m]
 FLAT, LARGE, RAISED = 0.012, 0.5, 0.02
-"""What is lower than this and not as long as that lies flat on something; it blocks its place up to a height [m]."""
-FAR = 2.0
-"""Length of the rays that test for a free view [m]."""
+FAR = 2.0  # Length of the rays that test for a free view [m]
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,7 @@ class SurfaceConfig:
 
 
 def target_mesh(scene: Scene, target: str) -> Mesh:
-    """Return the surface of a part and its descendants.
-
-    Raises:
-        InputError: no such part, or one without a surface.
-    """
+    """Return the surface of a part and its descendants; InputError: no such part, or one without a surface."""
     scene.part(target)
     mesh = merge([scene.parts[i].mesh for i in (target, *scene.descendants(target))])
     if not len(mesh.faces):

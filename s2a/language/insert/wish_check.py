@@ -20,51 +20,42 @@ from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.upright_box import silhouette
 
-BESIDE, FAR = 0.45, 0.8
-"""Largest gap to what a thing is near, and least gap to what it is away from [m]."""
-AREA = 1.2
-"""Distance to an area's things [m], up to which an object is in it although those of another area are nearer."""
-CONTACT = 0.03
-"""Largest gap to what carries a thing [m]: the noise of a scan."""
-OFF_HEIGHT = 0.1
-"""Largest error of a height on a wall [m]."""
+BESIDE, FAR = 0.45, 0.8  # Largest gap to what a thing is near, and least gap to what it is away from [m]
+AREA = 1.2  # Distance to an area's things [m], up to which an object is in it although those of another area are nearer
+CONTACT = 0.03  # Largest gap to what carries a thing [m]: the noise of a scan
+OFF_HEIGHT = 0.1  # Largest error of a height on a wall [m]
+# Largest distance from the foot of what hangs on a wall, and least height of its underside above the floor [m]
 FOOT, HUNG = 0.35, 0.4
-"""Largest distance from the foot of what hangs on a wall, and least height of its underside above the floor [m]."""
-SEEN = 0.5
-"""Least visible fraction of what is seen from somewhere."""
+SEEN = 0.5  # Least visible fraction of what is seen from somewhere
+# Heights of the eyes of who sits and of who stands, and how far before a thing [m]
 SITTING, STANDING, BEFORE = 1.15, 1.55, 0.4
-"""Heights of the eyes of who sits and of who stands, and how far before a thing [m]."""
 AROUND = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(8) * np.pi / 4])
+# Places in a rectangle, as fractions of its sides
 THIRDS = np.array([(x, y) for x in (0.2, 0.5, 0.8) for y in (0.2, 0.5, 0.8)])
-"""Places in a rectangle, as fractions of its sides."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
-class Bodies:
-    """Boxes in the room that stand for places of one object, or the one object itself.
+class PlacedBodies:
+    """Boxes in the room that stand for places of one object, or the one object itself."""
 
-    Attributes:
-        low, high: lowest and highest corners [m], shape [body 3] each.
-        mesh: the object in its place; None where only boxes are known.
-    """
-
+    # low, high: lowest and highest corners [m], shape [body 3] each
     low: np.ndarray
     high: np.ndarray
-    mesh: Mesh | None = None
+    mesh: Mesh | None = None  # the object in its place; None where only boxes are known
 
     @staticmethod
-    def of(object: Mesh) -> Bodies:
+    def of(object: Mesh) -> PlacedBodies:
         """Return an object in its place."""
         low, high = object.bounds[:, None].astype(float)
-        return Bodies(low, high, object)
+        return PlacedBodies(low, high, object)
 
     @staticmethod
-    def at(places: np.ndarray, object: Mesh) -> Bodies:
+    def at(places: np.ndarray, object: Mesh) -> PlacedBodies:
         """Return an upright object's boxes at places of its foot's middle [m], shape [place 3]."""
         sides = np.ptp(object.bounds, axis=0).astype(float)
         half = np.array([min(sides[:2]) / 2] * 2 + [0.0])
-        return Bodies(places - half, places + half + (0.0, 0.0, sides[2]))
+        return PlacedBodies(places - half, places + half + (0.0, 0.0, sides[2]))
 
     @property
     def middle(self) -> np.ndarray:
@@ -102,7 +93,7 @@ class Things:
         self._viewers: dict[str, np.ndarray] = {}
         self._outlines: dict[str, np.ndarray] = {}
 
-    def met(self, bodies: Bodies, relation: Relation) -> np.ndarray:
+    def met(self, bodies: PlacedBodies, relation: Relation) -> np.ndarray:
         """Return which bodies have a relation to one of the things that it may mean, shape [body]."""
         if relation.kind == "height":
             middle = bodies.middle[:, 2] - self.floor
@@ -120,7 +111,7 @@ class Things:
             self._meshes[part_id] = target_mesh(self.scene, part_id)
         return self._meshes[part_id]
 
-    def _holds(self, bodies: Bodies, kind: str, ids: Sequence[str]) -> np.ndarray:
+    def _holds(self, bodies: PlacedBodies, kind: str, ids: Sequence[str]) -> np.ndarray:
         mesh = self.mesh(ids[0])
         if kind == "between":
             return self._between(bodies, *ids)
@@ -165,7 +156,7 @@ class Things:
             self._trees[part_id, axes] = cKDTree(points[:, :axes])
         return self._trees[part_id, axes]
 
-    def _gap(self, bodies: Bodies, part_id: str) -> np.ndarray:
+    def _gap(self, bodies: PlacedBodies, part_id: str) -> np.ndarray:
         """Return the distances to a thing's surface [m], up to the spacing of its points, shape [body]."""
         apart = _box_gap(bodies, self.mesh(part_id))
         tree = self._tree(part_id, 3)
@@ -178,7 +169,7 @@ class Things:
             apart, np.linalg.norm(np.maximum(bodies.low - nearest, 0) + np.maximum(nearest - bodies.high, 0), axis=1)
         )
 
-    def _carried(self, bodies: Bodies, part_id: str) -> np.ndarray:
+    def _carried(self, bodies: PlacedBodies, part_id: str) -> np.ndarray:
         """Return which bodies a thing is right below, or what covers it: rays from their undersides meet it."""
         covers = [part_id] if not is_kind_of(self.scene.parts[part_id].label, "bed") else [
             part_id, *(i for i, part in self.scene.parts.items() if part.label.lower() in BEDDING and len(part.mesh.faces))
@@ -194,21 +185,21 @@ class Things:
         axes = np.array([(np.cos(a), np.sin(a)) for a in np.arange(18) * np.pi / 18]).T
         return bool(np.ptp(outline[:, :2] @ axes, axis=0).min() < HUNG and outline[:, 2].min() > self.floor + HUNG)
 
-    def _opposite(self, bodies: Bodies, part_id: str) -> np.ndarray:
+    def _opposite(self, bodies: PlacedBodies, part_id: str) -> np.ndarray:
         """Return which bodies are before a thing, at a distance, and within its width or near that."""
         axes = _axes(self._viewer(part_id))
         own, its = bodies.middle[:, :2] @ axes, self._outline(part_id)[:, :2] @ axes
         low, high = its.min(axis=0), its.max(axis=0)
         return np.asarray((own[:, 1] >= high[1] + FAR) & (low[0] - 0.3 <= own[:, 0]) & (own[:, 0] <= high[0] + 0.3))
 
-    def _in_area(self, bodies: Bodies, own: Sequence[str]) -> np.ndarray:
+    def _in_area(self, bodies: PlacedBodies, own: Sequence[str]) -> np.ndarray:
         """Return which bodies are near an area's own things, or have no thing of another area nearer."""
         marks = landmarks({i: part.label for i, part in self.scene.parts.items() if len(part.mesh.faces)})
         own_gap = np.min([_box_gap(bodies, self.mesh(i)) for i in own], axis=0)
         others = [_box_gap(bodies, self.mesh(i)) for i in marks if i not in own]
         return np.asarray((own_gap <= AREA) | (own_gap <= np.min(others, axis=0, initial=np.inf)))
 
-    def _between(self, bodies: Bodies, one: str, other: str) -> np.ndarray:
+    def _between(self, bodies: PlacedBodies, one: str, other: str) -> np.ndarray:
         """Return which bodies' middles are between two things and not beside the line from one to the other."""
         if one == other:
             return np.zeros(len(bodies.low), bool)
@@ -220,7 +211,7 @@ class Things:
         half = max(float(np.ptp(self._outline(i)[:, :2] @ across)) / 2 for i in (one, other))
         return np.asarray((0.1 * length < along) & (along < 0.9 * length) & (aside <= max(half, 0.15)))
 
-    def _seen_from(self, bodies: Bodies, part_id: str) -> np.ndarray:
+    def _seen_from(self, bodies: PlacedBodies, part_id: str) -> np.ndarray:
         """Return which bodies who uses a thing sees: over a seat, and ahead of it; else before the thing; of a box its top."""
         toward, mesh = self._viewer(part_id), self.mesh(part_id)
         axes = np.array([toward, (-toward[1], toward[0])])
@@ -244,7 +235,7 @@ class Things:
 
 def met(scene: Scene, object: Mesh, relation: Relation) -> bool:
     """Return True if an object in its place [m] has a relation to one of the things that it may mean."""
-    return bool(Things(scene).met(Bodies.of(object), relation)[0])
+    return bool(Things(scene).met(PlacedBodies.of(object), relation)[0])
 
 
 def viewer(scene: Scene, part_id: str) -> np.ndarray:
@@ -257,7 +248,7 @@ def _axes(toward: np.ndarray) -> np.ndarray:
     return np.stack([(-toward[1], toward[0]), toward], axis=1)
 
 
-def placed(toward: np.ndarray, bodies: Bodies, outline: np.ndarray, heights: np.ndarray, kind: str) -> np.ndarray:
+def placed(toward: np.ndarray, bodies: PlacedBodies, outline: np.ndarray, heights: np.ndarray, kind: str) -> np.ndarray:
     """Return which bodies are left of, above ... a thing, as seen by somebody in a direction [2] from it, shape [body].
 
     The thing is given by its outline [point 3] and its least and largest height [m].
@@ -289,7 +280,7 @@ def placed(toward: np.ndarray, bodies: Bodies, outline: np.ndarray, heights: np.
     return np.asarray(within & (np.abs(fraction - 0.5) <= np.maximum(0.17, 0.1 / size)).all(axis=1))
 
 
-def _covered(bodies: Bodies, mesh: Mesh) -> np.ndarray:
+def _covered(bodies: PlacedBodies, mesh: Mesh) -> np.ndarray:
     """Return which bodies a thing is over, seen along rays upwards."""
     places = bodies.low[:, None, :2] + THIRDS * (bodies.high - bodies.low)[:, None, :2]
     start = np.concatenate([places, np.broadcast_to(bodies.high[:, None, 2:], (len(places), 9, 1))], axis=2)
@@ -309,7 +300,7 @@ def _carrier(scene: Scene, part_id: str) -> str:
     mesh = target_mesh(scene, part_id)
     if np.ptp(mesh.bounds, axis=0)[:2].max() > 0.7:
         return part_id
-    bodies = Bodies.of(mesh)
+    bodies = PlacedBodies.of(mesh)
     for other, part in scene.parts.items():
         big = len(part.mesh.vertices) and part.parent is None and "floor" not in part.label.lower()
         if not big or other == part_id or np.ptp(part.mesh.bounds, axis=0)[:2].max() < 0.5:
@@ -319,7 +310,7 @@ def _carrier(scene: Scene, part_id: str) -> str:
     return part_id
 
 
-def _rests(bodies: Bodies, mesh: Mesh) -> np.ndarray:
+def _rests(bodies: PlacedBodies, mesh: Mesh) -> np.ndarray:
     """Return which bodies have a surface right below them: a fifth of the rays from their undersides meet it."""
     start = bodies.feet() + 0.02 * UP
     reach = 0.02 + CONTACT + 0.01
@@ -329,7 +320,7 @@ def _rests(bodies: Bodies, mesh: Mesh) -> np.ndarray:
     return np.asarray(_meets(mesh, start, -UP, reach).mean(axis=1) > 0.2)
 
 
-def _within(bodies: Bodies, mesh: Mesh) -> np.ndarray:
+def _within(bodies: PlacedBodies, mesh: Mesh) -> np.ndarray:
     """Return which bodies a thing rises around, and which begin below its top."""
     low, high = mesh.bounds.astype(float)
     level = bodies.middle[:, :2]
@@ -345,7 +336,7 @@ def _within(bodies: Bodies, mesh: Mesh) -> np.ndarray:
     return np.asarray(inside & (_meets(mesh, start, around, reach).sum(axis=1) >= 5))
 
 
-def _extreme(bodies: Bodies, mesh: Mesh, top: bool) -> np.ndarray:
+def _extreme(bodies: PlacedBodies, mesh: Mesh, top: bool) -> np.ndarray:
     """Return which bodies have no board of a shelf above them, other than its lid; or none below what carries them."""
     up, reach = (1.0 if top else -1.0), 3.0
     start = bodies.middle
@@ -361,10 +352,9 @@ def _extreme(bodies: Bodies, mesh: Mesh, top: bool) -> np.ndarray:
     return np.asarray(boards <= 1)
 
 
+# Relations to what stands or hangs at about the same height, and the lowest underside that is out of reach [m]
 LEVEL, REACH = ("near", "left", "right", "front", "behind", "between"), 1.9
-"""Relations to what stands or hangs at about the same height, and the lowest underside that is out of reach [m]."""
-NAMED = 12
-"""Kinds of things that are named where one is missing."""
+NAMED = 12  # Kinds of things that are named where one is missing
 
 
 def read_wish(text: str, scene: Scene) -> Wish:
@@ -427,7 +417,7 @@ def decline(wish: Wish, text: str, scene: Scene, understood: bool) -> None:
 
 def objection(things: Things, wish: Wish, object: Mesh) -> str:
     """Return the first relation that an object in its place [m] does not have, as a clause; empty if it has all."""
-    bodies = Bodies.of(object)
+    bodies = PlacedBodies.of(object)
     unmet = next((one for one in wish.relations if not things.met(bodies, one)[0]), None)
     return "" if unmet is None else f"it would not be {'so: not ' if unmet.negated else ''}{unmet.words!r} there"
 
@@ -455,13 +445,13 @@ def allowed(wish: Wish, things: Things, object: Mesh) -> Callable[[np.ndarray], 
         stays = np.ones(len(places), bool)
         for one in wish.relations:
             if stays.any():
-                stays[stays] = things.met(Bodies.at(places[stays], object), one)
+                stays[stays] = things.met(PlacedBodies.at(places[stays], object), one)
         return stays
 
     return keep
 
 
-def _box_gap(bodies: Bodies, mesh: Mesh) -> np.ndarray:
+def _box_gap(bodies: PlacedBodies, mesh: Mesh) -> np.ndarray:
     """Return the distances of boxes to the box of a thing [m], shape [body]."""
     apart = np.maximum(bodies.low - mesh.bounds[1], mesh.bounds[0] - bodies.high)
     return np.linalg.norm(np.maximum(apart, 0.0), axis=1)

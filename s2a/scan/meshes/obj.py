@@ -26,25 +26,18 @@ _ARITY |= {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}
 """Options of a map and how many arguments they take; the last three take one to three numbers."""
 
 
+# A name, maybe with spaces, up to the ending of a library
 _ENDED = re.compile(r"""[^\s"'].*?\.mtl(?=\s|$)""", re.IGNORECASE)
-"""A name, maybe with spaces, up to the ending of a library."""
-_OPAQUE = {"d": 1.0, "Tr": 0.0}
-"""Values of dissolve and transparency for what one does not see through."""
+_OPAQUE = {"d": 1.0, "Tr": 0.0}  # Values of dissolve and transparency for what one does not see through
 
 
 @dataclass(frozen=True)
 class Painted:
-    """A material of a library.
+    """A material of a library."""
 
-    Attributes:
-        material: its colour and texture.
-        scale: of texture coordinates, shape [2].
-        offset: of texture coordinates, after scaling, shape [2].
-    """
-
-    material: Material
-    scale: np.ndarray
-    offset: np.ndarray
+    material: Material  # its colour and texture
+    scale: np.ndarray  # of texture coordinates, shape [2]
+    offset: np.ndarray  # of texture coordinates, after scaling, shape [2]
 
 
 GREY_PAINT = Painted(PLAIN, np.ones(2), np.zeros(2))
@@ -213,10 +206,9 @@ def _is_number(word: str) -> bool:
 
 NAME = "OBJ"
 ENDINGS = (".obj",)
-NO_COORDINATE = -2
-"""Texture coordinate of a corner that names one which does not exist."""
+NO_COORDINATE = -2  # Texture coordinate of a corner that names one which does not exist
+# Elements that are left out, with a warning
 LOST = {"l": "lines", "p": "points", "curv": "curves", "surf": "free-form surfaces", "call": "files that it calls"}
-"""Elements that are left out, with a warning."""
 POLYPAINT = "#MRGB"  # Begins the comments in which ZBrush writes colours of vertices
 
 

@@ -20,21 +20,18 @@ _log = logging.getLogger(__name__)
 
 NAME = "STL and OFF"
 ENDINGS = (".stl", ".off")
+# A triangle of a binary STL file, which follows 80 bytes of text and their number
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])
-"""A triangle of a binary STL file, which follows 80 bytes of text and their number."""
-COLORED = 0x8000
-"""Bit of a facet's colour: set by VisCAM and SolidView where it counts, by Magics where it does not."""
+COLORED = 0x8000  # Bit of a facet's colour: set by VisCAM and SolidView where it counts, by Magics where it does not
 CORNER = re.compile(rb"(?:^|[\r\n])[ \t]*vertex[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.IGNORECASE)
 ENDFACET = re.compile(rb"\bend[ \t]?facet\b", re.IGNORECASE)
+# The end of a text STL file: a name may follow, and comments
 ENDSOLID = re.compile(
     rb"(?:^|[\r\n])[ \t]*end[ \t]?solid\b[^\r\n]*(?:[\r\n][ \t]*(?:#[^\r\n]*)?)*[\s\0\x1a]*\Z", re.IGNORECASE
 )
-"""The end of a text STL file: a name may follow, and comments."""
+# The first word of an OFF file: what its vertices have beside coordinates, in the order of its letters but for the
+# colour. Some programs write the number of vertices right behind it
 HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF(\d*)")
-"""The first word of an OFF file: what its vertices have beside coordinates, in the order of its letters but for the colour.
-
-Some programs write the number of vertices right behind it.
-"""
 
 
 def recognise(path: Path) -> bool:

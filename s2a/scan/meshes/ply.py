@@ -18,10 +18,9 @@ _log = logging.getLogger(__name__)
 
 NAME = "PLY"
 ENDINGS = (".ply",)
+# Names of the texture coordinates of vertices
 COORDINATES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
-"""Names of the texture coordinates of vertices."""
-IMAGE = "texturefile"
-"""The comment that names a texture."""
+IMAGE = "texturefile"  # The comment that names a texture
 
 
 def recognise(path: Path) -> bool:

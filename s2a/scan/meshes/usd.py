@@ -19,28 +19,19 @@ from s2a.scan.source import Material, SourceMesh, Stated, joined
 from s2a.scan.usd_materials import SHOWN, Appearance, UsdMaterials
 from s2a.scene.usd.stage import reading, refuse_deep
 
-AROUND, ALONG = 32, 16
-"""Sides of round shapes, and rings from pole to pole of a sphere."""
+AROUND, ALONG = 32, 16  # Sides of round shapes, and rings from pole to pole of a sphere
 _AXES = {"X": [2, 0, 1], "Y": [1, 2, 0], "Z": [0, 1, 2]}
 
 
 @dataclass(frozen=True)
 class Polygons:
-    """Polygons in a prim's own frame.
+    """Polygons in a prim's own frame."""
 
-    Attributes:
-        points: shape [vertex 3], float64.
-        counts: corners of each polygon, shape [polygon], int64.
-        indices: vertices of the corners, one polygon after the other, int64.
-        number: of each polygon among those that the prim has, shape [polygon]; holes are left out.
-        left_handed: The polygons are wound clockwise.
-    """
-
-    points: np.ndarray
-    counts: np.ndarray
-    indices: np.ndarray
-    number: np.ndarray
-    left_handed: bool = False
+    points: np.ndarray  # shape [vertex 3], float64
+    counts: np.ndarray  # corners of each polygon, shape [polygon], int64
+    indices: np.ndarray  # vertices of the corners, one polygon after the other, int64
+    number: np.ndarray  # of each polygon among those that the prim has, shape [polygon]; holes are left out
+    left_handed: bool = False  # The polygons are wound clockwise
 
 
 def polygons(prim: Usd.Prim, time: Usd.TimeCode) -> Polygons | None:
@@ -130,15 +121,13 @@ _log = logging.getLogger(__name__)
 
 NAME = "USD"
 ENDINGS = (".usdz", ".usd", ".usda", ".usdc")
+# Purposes of what renderers do not show: colliders, and simple shapes in place of others
 STANDINS = (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy)
-"""Purposes of what renderers do not show: colliders, and simple shapes in place of others."""
 UNIT = "metersPerUnit"
-DEEPEST = 16
-"""Instancers within instancers."""
+DEEPEST = 16  # Instancers within instancers
+# What attributes of wrong types raise
 DAMAGE = (TypeError, ValueError, IndexError, AttributeError, KeyError, OverflowError, MemoryError)
-"""What attributes of wrong types raise."""
-Place = Callable[[Usd.Prim], Any]
-"""A prim -> matrix [4 4] of USD's row vectors."""
+Place = Callable[[Usd.Prim], Any]  # A prim -> matrix [4 4] of USD's row vectors
 
 
 def recognise(path: Path) -> bool:

@@ -32,8 +32,39 @@ ROOMS = {
     ("bathroom", 0): ("toothpaste tube", "perfume bottle", "shaving brush", "Nivea"),
     ("bedroom", 0): ("lava lamp", "reading glasses", "make-up mirror", "hot-water bottle"),
     ("living_room", 1): ("potted cactus", "snow globe", "model sailing boat", "lantern"),
+    ("capture", "s0000"): (
+        "glass of red wine",
+        "banana",
+        "glue stick",
+        "candle",
+        "Rubik's cube",
+        "stapler",
+        "toothpaste tube",
+        "pencil",
+        "trophy",
+    ),
+    ("capture", "redkitchen"): ("Nutella", "carrot", "wine bottle", "highlighter", "rolling pin", "apple"),
+    ("capture", "quest"): (
+        "hourglass",
+        "eraser",
+        "shampoo bottle",
+        "matryoshka",
+        "alarm clock",
+        "snow globe",
+        "Post-it notes",
+        "wedge of cheese",
+        "Bialetti moka",
+    ),
+    ("capture", "copyroom"): (
+        "tape dispenser",
+        "calculator",
+        "Nivea",
+        "soap dispenser",
+        "perfume bottle",
+        "rubber duck",
+    ),
 }
-"""Kinds and seeds of the rooms, and what is inserted, by its size."""
+"""Kinds and seeds of the rooms, and what is inserted, by its size; of captures their export is below RUNS/capture_NAME."""
 NAMES = {f"{kind}_{seed}": (kind, seed) for kind, seed in ROOMS}
 DEFAULT = list(NAMES)[:5]
 """The rooms that the experiments take unless others are named: one of each kind."""
@@ -58,7 +89,7 @@ def main() -> None:
 def _insert(runs: Path, name: str) -> None:
     """Scan a room, and insert its objects."""
     folder, (kind, seed) = runs / name, NAMES[name]
-    if not (folder / "geometric.usd").exists():
+    if kind != "capture" and not (folder / "geometric.usd").exists():
         s2a("sample", f"room={kind}", f"seed={seed}", "detail=demo", f"out={folder}/scan")
         s2a("export", f"scan={folder}/scan", f"out={folder}")
     if not (folder / "ins/insert.json").exists():

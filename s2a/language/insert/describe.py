@@ -15,6 +15,7 @@ from s2a.language.insert.fit import NoRoom, swept_volumes
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
 from s2a.language.insert.supports import SurfaceConfig, is_basin, over, target_mesh, target_regions
+from s2a.scan.rest import UNANNOTATED
 from s2a.scene.geometry.mesh_ops import normals
 from s2a.scene.geometry.regions import Region, RegionConfig
 from s2a.scene.scene import Joint, Mesh, Part, Scene
@@ -100,6 +101,12 @@ NEAR = 0.03
 """An object whose underside is this close to a support stands on it [m]: the noise of a scan and of its plane."""
 
 
+# Least free area [m^2] and clearance [m] of a described support of what nobody annotated, and how many are described
+BARE, ROOM, BARE_COUNT = 0.03, 0.15, 16
+# Heights up to which such a surface is like a floor, a seat, ... [m]
+LIKENESS = ((0.2, "floor-like"), (0.55, "seat-like"), (0.82, "table-like"), (1.15, "counter-like"), (3.0, "shelf-like"))
+
+
 def survey(scene: Scene, config: RegionConfig, part_ids: Iterable[str] | None = None) -> Supports:
     """Return the horizontal supports of some parts, of all by default; movable and graspable parts have none."""
     return {i: _supports(scene, i, config) for i in (scene.parts if part_ids is None else part_ids)}
@@ -133,11 +140,23 @@ def shown(scene: Scene) -> list[str]:
     return [i for i, part in parts if len(part.mesh.faces) and i not in hidden and not part.graspable]
 
 
-def worth(regions: list[Region], foot: float = FOOT) -> list[Region]:
-    """Return the regions with a free circle of some diameter [m], those with the most free area first."""
-    largest = max((region.free_area for region in regions), default=0.0)
+def worth(regions: list[Region], foot: float = FOOT, whole_room: bool = False) -> list[Region]:
+    """Return the regions with a free circle of some diameter [m], those with the most free area first.
+
+    `whole_room`: They are of all that nobody annotated: a table is small beside the floor.
+    """
+    largest = 0.0 if whole_room else max((region.free_area for region in regions), default=0.0)
     free = [region for region in regions if region.free_area >= max(WORTH, SLIVER * largest) and circle(region) >= foot]
-    return sorted(free, key=lambda region: -region.free_area)[:COUNT]
+    if whole_room:
+        free = [region for region in free if region.free_area >= BARE and region.clearance >= ROOM]
+    return sorted(free, key=lambda region: -region.free_area)[: BARE_COUNT if whole_room else COUNT]
+
+
+def likeness(region: Region, regions: list[Region]) -> str:
+    """Return what a surface that nobody annotated is like, by its height above the lowest large one."""
+    large = 0.25 * max(other.area for other in regions)
+    above = region.height - min(other.height for other in regions if other.area >= large)
+    return next((name for height, name in LIKENESS if above < height), LIKENESS[-1][1])
 
 
 def circle(region: Region) -> float:
@@ -210,7 +229,8 @@ def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
     """Return the description of one part."""
     part, box = scene.parts[part_id], box_of(scene, part_id)
     small = part.parent is None and max(box.size) < SMALL
-    carries = worth(supports.get(part_id, []), 2.0 * FOOT if small else FOOT)
+    bare, own = part.label == UNANNOTATED, supports.get(part_id, [])
+    carries = worth(own, 2.0 * FOOT if small or bare else FOOT, bare)
     line: dict[str, Any] = {"id": part_id, "label": part.label}
     if part.parent is not None:
         line["part_of"] = part.parent
@@ -221,7 +241,7 @@ def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
     if carries or not (small or box.center[2] - box.size[2] / 2 > REACH):
         line |= {"center": _rounded(box.center), "size": _rounded(box.size)}
     if carries:
-        line["supports"] = [support(region) for region in carries]
+        line["supports"] = [support(region) | ({"like": likeness(region, own)} if bare else {}) for region in carries]
     if is_wall(part.label):
         line |= wall_line(scene, part_id)
     return line

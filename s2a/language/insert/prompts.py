@@ -83,7 +83,8 @@ The room comes as JSON, a line a part. Lengths are in metres, z is up, the floor
 - center and size of its upright box, which may be turned about z.
 - supports: level surfaces that can carry things, each a list: kind, height above the floor, free area in m^2, diameter of the
   largest free circle, free height above it. Kinds: "horizontal" is a top, "inside" is a compartment with something of the
-  same part above it, "basin" is surrounded by a rim: a sink, a tub, a tray.
+  same part above it, "basin" is surrounded by a rim: a sink, a tub, a tray. A last word says
+  what a surface that nobody annotated is like by its height: "table-like", "seat-like".
 - along: of a wall, what stands or hangs there, in order; free: widths of the gaps between that at eye level, the widest first.
 - Lines with "things" have the ids of small things, and what they stand on, if that is known.
 Things can hang on the upright sides of walls and furniture.

@@ -250,6 +250,7 @@ def _existing(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], b
     for how, where in places:
         lines = [line for line in room if _is_meant(line, where)]
         options = [option for line in lines for option in _options(line, how, room)]
+        options = options or [option for line in room for option in _alike(line, how, where, room)]
         options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
         best += [option for option in options[:1] if option not in best]
         seconds += options[1:3]
@@ -282,6 +283,22 @@ def _options(line: dict[str, Any], how: str, room: list[dict[str, Any]]) -> list
         for s in line.get("supports", ())
         if s["kind"] in kinds
     ]
+
+
+# What surfaces that nobody annotated may stand for
+ALIKE_KINDS = {
+    "floor-like": ("floor",),
+    "seat-like": ("bed", "sofa", "armchair", "couch", "chair", "coffee table"),
+    "table-like": ("table", "desk", "nightstand", "dresser", "cabinet", "counter", "kitchen counter"),
+    "counter-like": ("counter", "kitchen counter", "cabinet", "dresser", "desk", "table"),
+    "shelf-like": ("shelf", "bookshelf", "cabinet"),
+}
+
+
+def _alike(line: dict[str, Any], how: str, where: str, room: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the choices for a relation of the table on surfaces that nobody annotated, where the room names none."""
+    fitting = [s for s in line.get("supports", ()) if where in ALIKE_KINDS.get(s.get("like", ""), ())]
+    return _options(line | {"supports": fitting}, how, room) if fitting and how != "hanging" else []
 
 
 def _free(support: dict[str, Any]) -> dict[str, float]:

@@ -13,10 +13,11 @@ from s2a.core.errors import InputError
 from s2a.language.insert import describe
 from s2a.language.insert.describe import RoomState
 from s2a.language.insert.fit import NoRoom, SweptVolume, heights_within
+from s2a.language.insert.rules import _choices, known
 from s2a.language.insert.settings import Inserted
 from s2a.language.insert.supports import SurfaceConfig, facing, target_regions
 from s2a.scene.geometry.convex import halfspaces, hull
-from s2a.scene.geometry.mesh_ops import within
+from s2a.scene.geometry.mesh_ops import merge, within
 from s2a.scene.geometry.occupancy import distinct_cells
 from s2a.scene.geometry.regions import Region, RegionConfig
 from s2a.scene.scene import Mesh, Part, Scene
@@ -118,3 +119,23 @@ def test_a_shelf_faces_where_its_own_boards_leave_the_view_open() -> None:
     region = target_regions(scene, "shelf_1", REGIONS, ("horizontal",))[0]
     # The middle of the room is behind its back, where its own back is in the way.
     assert facing(scene, "shelf_1", region) == pytest.approx([0, 1, 0], abs=0.02)
+
+
+def test_a_room_without_labels_offers_a_table_by_its_height() -> None:
+    mesh = merge(
+        [sheet((-2, 3), (-2, 2.6), 0.0, 0.05), sheet((0, 1.2), (0, 0.6), 0.74), sheet((2, 2.6), (2, 2.5), 0.42)]
+    )
+    scene = Scene("room", {"unannotated_1": Part("unannotated", mesh)})
+    supports = describe.survey(scene, RegionConfig())
+    (line,) = describe.describe(scene, supports)
+    assert {support["like"]: support["height"] for support in line["supports"]} == {
+        "floor-like": 0.0, "table-like": 0.74, "seat-like": 0.42,
+    }  # fmt: skip
+    mug = known("mug")
+    assert mug is not None
+    (choice, *_) = _choices([line], mug, 0.1)
+    assert (choice["target"], choice["height"]) == ("unannotated_1", 0.74)
+    # Where the room names a table, that is meant.
+    named = Scene("room", {"table_2": Part("table", sheet((0, 1.2), (0, 0.6), 0.70)), **scene.parts})
+    lines = describe.describe(named, describe.survey(named, RegionConfig()))
+    assert _choices(lines, mug, 0.1)[0]["target"] == "table_2"

@@ -104,7 +104,7 @@ NEAR = 0.03
 # Least free area [m^2] and clearance [m] of a described support of what nobody annotated, and how many are described
 BARE, ROOM, BARE_COUNT = 0.03, 0.15, 16
 # Heights up to which such a surface is like a floor, a seat, ... [m]
-LIKENESS = ((0.2, "floor-like"), (0.55, "seat-like"), (0.82, "table-like"), (1.15, "counter-like"), (3.0, "shelf-like"))
+LIKENESS = ((0.2, "floor-like"), (0.55, "seat-like"), (0.82, "table-like"), (1.15, "counter-like"), (1.9, "shelf-like"))
 
 
 def survey(scene: Scene, config: RegionConfig, part_ids: Iterable[str] | None = None) -> Supports:
@@ -156,7 +156,7 @@ def likeness(region: Region, regions: list[Region]) -> str:
     """Return what a surface that nobody annotated is like, by its height above the lowest large one."""
     large = 0.25 * max(other.area for other in regions)
     above = region.height - min(other.height for other in regions if other.area >= large)
-    return next((name for height, name in LIKENESS if above < height), LIKENESS[-1][1])
+    return next((name for height, name in LIKENESS if above < height), "out of reach")
 
 
 def circle(region: Region) -> float:

@@ -38,6 +38,7 @@ from s2a.language.insert.supports import (
     target_plane,
     target_regions,
 )
+from s2a.scan.rest import UNANNOTATED
 from s2a.scene.geometry.planes import Plane
 from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Mesh, Scene
@@ -413,6 +414,10 @@ def _on_regions(
     scene, target = room.scene, choice.target
     upright = choice.surface == "vertical"
     candidates = target_regions(scene, target, surface.regions, ("vertical",)) if upright else room.levels(target)
+    if (
+        choice.height is not None and scene.parts[target].label == UNANNOTATED
+    ):  # all the room: the floor is no other choice
+        candidates = [region for region in candidates if abs(region.height - choice.height) < MEANT]
     regions = _ordered(candidates, choice)
     if not regions:
         raise NoRoom(f"it has no {choice.surface} surface")

@@ -247,10 +247,13 @@ def _existing(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], b
     """Return the options that a room has for some places, wide enough ones first."""
     best: list[dict[str, Any]] = []
     seconds: list[dict[str, Any]] = []
-    for how, where in places:
-        lines = [line for line in room if _is_meant(line, where)]
-        options = [option for line in lines for option in _options(line, how, room)]
-        options = options or [option for line in room for option in _alike(line, how, where, room)]
+    named = [
+        [option for line in room if _is_meant(line, where) for option in _options(line, how, room)]
+        for how, where in places
+    ]
+    if not any(named):
+        named = [[option for line in room for option in _alike(line, how, where, room)] for how, where in places]
+    for options in named:
         options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
         best += [option for option in options[:1] if option not in best]
         seconds += options[1:3]
@@ -296,7 +299,7 @@ ALIKE_KINDS = {
 
 
 def _alike(line: dict[str, Any], how: str, where: str, room: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the choices for a relation of the table on surfaces that nobody annotated, where the room names none."""
+    """Return the choices for a relation of the table on surfaces that nobody annotated, where the room has no named one."""
     fitting = [s for s in line.get("supports", ()) if where in ALIKE_KINDS.get(s.get("like", ""), ())]
     return _options(line | {"supports": fitting}, how, room) if fitting and how != "hanging" else []
 

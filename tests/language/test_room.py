@@ -136,6 +136,6 @@ def test_a_room_without_labels_offers_a_table_by_its_height() -> None:
     (choice, *_) = _choices([line], mug, 0.1)
     assert (choice["target"], choice["height"]) == ("unannotated_1", 0.74)
     # Where the room names a table, that is meant.
-    named = Scene("room", {"table_2": Part("table", sheet((0, 1.2), (0, 0.6), 0.70)), **scene.parts})
+    named = Scene("room", {"table_2": Part("table", sheet((0, 1.2), (-1.6, -1.0), 0.70)), **scene.parts})
     lines = describe.describe(named, describe.survey(named, RegionConfig()))
     assert _choices(lines, mug, 0.1)[0]["target"] == "table_2"

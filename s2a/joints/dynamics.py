@@ -15,7 +15,7 @@ from s2a.joints.pulled import Moving, inertia_tensor
 from s2a.scene.usd import joints
 from s2a.scene.usd.joints import Resistance
 from s2a.scene.usd.sim_scene import Mass
-from s2a.scene.usd.stage import ROOT, save_layer, write_attribute
+from s2a.scene.usd.stage import ROOT, referable, save_layer, write_attribute
 from s2a.sim.resistance import engaged, held
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
@@ -200,7 +200,7 @@ def write(below: str, part: str, mass: Mass | None, friction: float | None, resi
     joints.write_resistance(joint, resistance)
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.TransferContent(stage.GetRootLayer())  # a layer alone opens nothing that it names
-    layer.subLayerPaths.append(below)
+    layer.subLayerPaths.append(referable(below))
     save_layer(layer, path)
 
 

@@ -65,6 +65,15 @@ def test_a_package_of_a_simulated_room_is_validated_as_its_stage_is(tmp_path: Pa
         stamp.require_stampable(package)
 
 
+def test_a_room_whose_name_usd_cannot_refer_to_is_refused_before_it_is_prepared(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    geometric.write(usd_room.room(), tmp_path / "room.usd")
+    assert cli.main(["prepare", f"stage={tmp_path / 'room.usd'}", f"out={tmp_path}/two\nlines.usda"]) == 2
+    message = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "holds a control character" in message and [file.name for file in tmp_path.iterdir()] == ["room.usd"]
+
+
 def test_a_name_from_a_file_is_text_in_the_page(tmp_path: Path) -> None:
     pytest.importorskip("viser")
     name = "</title><script>alert(1)</script>&amp;"

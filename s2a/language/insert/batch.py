@@ -21,7 +21,7 @@ from s2a.scene.geometry.camera import OrbitCamera
 from s2a.scene.geometry.render import render, write_png
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import descriptive, geometric
-from s2a.scene.usd.stage import ROOT, new_stage, open_stage, save, save_layer, write_mesh
+from s2a.scene.usd.stage import ROOT, new_stage, open_stage, referable, save, save_layer, write_mesh
 from s2a.scene.usd.stamp import files
 
 KEPT = ("s2a:partId", "s2a:label", "s2a:parent", "s2a:motion")
@@ -88,7 +88,7 @@ def write(added: Sdf.Layer, below: str, path: Path) -> None:
     """
     stage, layer = new_stage(), Sdf.Layer.CreateAnonymous(".usda")
     layer.TransferContent(stage.GetRootLayer())  # a layer alone opens nothing that it names
-    layer.subLayerPaths.append(below)
+    layer.subLayerPaths.append(referable(below))
     root = layer.GetPrimAtPath(ROOT)
     root.specifier, root.typeName = Sdf.SpecifierOver, ""
     for prim in added.GetPrimAtPath(ROOT).nameChildren:

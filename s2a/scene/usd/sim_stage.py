@@ -23,7 +23,7 @@ from s2a.scene.usd import joints
 from s2a.scene.usd.joints import write_body, write_fixed_joint, write_joint, write_site
 from s2a.scene.usd.sim_read import FLAVOUR, open_physics, read
 from s2a.scene.usd.sim_scene import Articulation, Base, Collider, Grasp, Quat, Reduction, SimBody, SimRoom
-from s2a.scene.usd.stage import ROOT, new_stage, save, write_attribute, write_mesh
+from s2a.scene.usd.stage import ROOT, new_stage, referable, save, write_attribute, write_mesh
 
 __all__ = ["FLAVOUR", "GRAVITY", "open_physics", "read", "visuals_file", "write"]
 
@@ -35,8 +35,12 @@ VISUALS = "/visuals"  # Default prim of the file of the visuals; below it one su
 
 
 def visuals_file(path: Path) -> Path:
-    """Return where the visuals of a simulation-ready file lie: beside it."""
-    name = f"{path.stem}_visuals{path.suffix}"
+    """Return where the visuals of a simulation-ready file lie: beside it.
+
+    Raises:
+        InputError: the file's name holds a control character.
+    """
+    name = referable(f"{path.stem}_visuals{path.suffix}")
     return path.with_name(name if len(os.fsencode(name)) <= 255 else f"{start_of(path)}_visuals{path.suffix}")
 
 

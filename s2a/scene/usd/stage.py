@@ -69,6 +69,17 @@ def save_layer(layer: Sdf.Layer, path: Path, endings: Collection[str] = (".usda"
         raise InputError(f"{path}: cannot be written; check that its folder exists, may be written, and has space")
 
 
+def referable(name: str) -> str:
+    """Return the name of a file that another is to name, which USD cannot where a control character is in it.
+
+    Raises:
+        InputError: there is one.
+    """
+    if any(ord(letter) < 32 or ord(letter) == 127 for letter in name):
+        raise InputError(f"{name!r} holds a control character, and USD cannot refer to it; choose another name")
+    return name
+
+
 def open_stage(path: Path, *, payloads: bool = True) -> Usd.Stage:
     """Open a stage of any flavour, as it is on disk now; without `payloads`, what lies in files that they name is not loaded.
 

@@ -161,6 +161,8 @@ def _sensor(model: newton.Model) -> SensorCamera:
     camera.create_default_light(enable_shadows=False)
     camera.default_render_config.enable_textures = True
     camera.default_render_config.enable_backface_culling = False
+    # Neighbouring threads trace neighbouring rays; the default gives them the same pixel of different worlds.
+    camera.default_render_config.render_order = SensorCamera.RenderOrder.TILED
     return camera
 
 

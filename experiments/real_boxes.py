@@ -1,0 +1,58 @@
+"""Are the boxes of a real scan's objects those that a person measures? scene0000_00 of ScanNet, 55 objects.
+
+    python experiments/real_boxes.py --scan captures/scene0000_00
+
+Reads experiments/results/real_boxes_by_hand.json. A box counts if each side is within 20 % or 4 cm of the measured one, whichever
+is more (a voxel of the scan is 1 to 2 cm); with the labels as they are, and without what they spill onto. Writes
+experiments/results/real_boxes.json.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+
+from s2a import scan
+from s2a.core.provenance import provenance
+from s2a.scan import rest
+from s2a.scene.scene import Scene
+from s2a.scene.upright_box import upright_box
+
+RESULTS = Path(__file__).parent / "results"
+FRACTION, LEAST = 0.2, 0.04
+
+
+def main() -> None:
+    """Compare, and write the results."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scan", type=Path, required=True)
+    parser.add_argument("--out", type=Path, default=RESULTS / "real_boxes.json")
+    args = parser.parse_args()
+    measured = json.loads((RESULTS / "real_boxes_by_hand.json").read_text())["objects"]
+    body = rest.stray_faces
+    rest.stray_faces = lambda *_: np.empty(0, int)
+    rows = {"as labelled": compared(scan.read(args.scan), measured)}
+    rest.stray_faces = body
+    rows["body"] = compared(scan.read(args.scan), measured)
+    counts = {name: sum(row["within"] for row in each.values()) for name, each in rows.items()}
+    args.out.write_text(
+        json.dumps({**provenance("cpu"), "within": counts, "of": len(measured), "rows": rows}, indent=1) + "\n"
+    )
+    print(counts, "of", len(measured))
+
+
+def compared(scene: Scene, measured: dict[str, dict]) -> dict[str, dict]:
+    """Return each object's box [m], its horizontal sides in the order that fits better, and whether it is within bounds."""
+    rows = {}
+    for name, each in measured.items():
+        size, hand = np.array(upright_box(scene.parts[name].mesh.vertices).size), np.array(each["size"])
+        orders = [size, size[[1, 0, 2]]]
+        best = min(orders, key=lambda box: np.max(np.abs(box - hand) / np.maximum(FRACTION * hand, LEAST)))
+        within = bool((np.abs(best - hand) <= np.maximum(FRACTION * hand, LEAST)).all())
+        rows[name] = {"box": best.round(3).tolist(), "hand": each["size"], "within": within}
+    return rows
+
+
+if __name__ == "__main__":
+    main()

@@ -83,6 +83,10 @@ TABLE = {
 MAX_WORDS = max(map(len, TABLE))
 EDGES = {"left edge": "left", "right edge": "right", "front edge": "front", "back edge": "behind"}
 """Ends of what carries an object; they mean beside a thing that does not."""
+DIRECT = ("on", "in", "against", "top", "bottom", *EDGES, "corner", "middle")
+"""Relations to what carries the object."""
+BESIDE = ("near", "left", "right", "front", "behind", "between")
+"""Relations to what stands on the same support."""
 ON_CARRIER = (*EDGES, "corner", "middle")
 ARTICLES = frozenset("the a an my your our its this that some one".split())
 PEOPLE = frozenset(
@@ -201,18 +205,6 @@ def relation_at(words: list[str], at: int) -> tuple[str, int] | None:
     return None
 
 
-def unread_relation(text: str, readable: Iterable[str]) -> str:
-    """Return the first relation in a text that is none of some single words and not to a side; empty if there is none."""
-    words, at = tokens(text), 0
-    while at < len(words):
-        kind, length = relation_at(words, at) or ("", 1)
-        phrase = " ".join(words[at : at + length])
-        if kind and phrase not in readable and kind not in (*EDGES, "left", "right", "top", "bottom", "middle"):
-            return phrase
-        at += length
-    return ""
-
-
 def tokens(text: str) -> list[str]:
     """Return words, numbers and separators of a text in lower case; hyphens and apostrophes part words."""
     return re.findall(r"\d+(?:\.\d+)?|[a-z][a-z0-9_]*|[,;.]", text.lower())
@@ -234,6 +226,7 @@ class _Parser:
     missing: list[str] = field(default_factory=list)
     unread: list[str] = field(default_factory=list)
     hangs: bool = False
+    after_neighbour: int = -1
 
     def run(self) -> None:
         """Read clause by clause; what is no clause is passed over."""
@@ -294,6 +287,14 @@ class _Parser:
         recent = list(
             itertools.takewhile(lambda word: word not in ",;.", reversed(self.words[max(0, begin - 4) : begin]))
         )
+        if (
+            kind in ("on", "in")
+            and self.at == self.after_neighbour
+            and any(one.kind in DIRECT for one in self.relations)
+        ):
+            self.at += length
+            self._thing(kind)  # "on the couch near the picture on the wall": where the picture is
+            return
         negated = bool({"not", "never", "don"} & set(recent[:3] if "don" not in recent else recent))
         self.at += length
         if self._peek(0).replace(".", "").isdigit() or self._peek(0) == "eye":
@@ -323,6 +324,8 @@ class _Parser:
                 words = f"{' '.join(phrase)} {named[0][0]} and {named[1][0]}"
                 self.relations.append(Relation(kind, tuple(ids for _, ids in named), words, None, negated))
             self.unread += ["between"] if len(named) == 1 and named[0][1] else []
+        if named and kind in BESIDE:
+            self.after_neighbour = self.at
         for name, ids in named:
             if ids and kind != "between":
                 self.relations.append(self._relation(kind, name, ids, f"{' '.join(phrase)} {name}", negated))

@@ -119,7 +119,7 @@ def test_meaning(sentence: str, skills: list[str] | None) -> None:
         ("put the glue stick on the desk", "impossible"),  # it is there
         ("take the glue stick", "impossible"),
         ("bring me the glue stick", "impossible"),
-        ("open the drawer next to the window", "impossible"),
+        ("open the drawer next to the window", "unknown"),
         ("please", "impossible"),
         ("...", "impossible"),
         ("\N{LATIN CAPITAL LETTER O WITH DIAERESIS}ffne das Fenster", "impossible"),

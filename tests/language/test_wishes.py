@@ -11,7 +11,16 @@ from rough_furniture import at, block, sheet
 from s2a.core.errors import InputError
 from s2a.language.grammar import parse_wish
 from s2a.language.insert.plan import Choice, Place, Plan
-from s2a.language.insert.wish_check import Bodies, Things, allowed, decline, met, planned_place, read_wish, verdict
+from s2a.language.insert.wish_check import (
+    PlacedBodies,
+    RoomRelations,
+    allowed,
+    decline,
+    met,
+    planned_place,
+    read_wish,
+    verdict,
+)
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh, Part, Scene
 
@@ -71,6 +80,8 @@ LABELS = {part_id: part.label for part_id, part in room().parts.items()}
         ("on the top of the shelf", ["top"], ["shelf_6"]),
         ("near the lamp and the crate", ["near", "near"], ["lamp_3", "crate_5"]),
         ("in the office area, on the desk", ["area", "on"], ["desk_2", "desk_2"]),
+        ("on the floor near the lamp on the desk", ["on", "near"], ["floor_1", "lamp_3"]),
+        ("near the lamp on the desk", ["near", "on"], ["lamp_3", "desk_2"]),
         ("on the bookcase, not under the lamp", ["on", "below"], ["shelf_6", "lamp_3"]),
     ],
 )
@@ -245,28 +256,28 @@ def test_left_and_right_change_with_the_side_of_the_room() -> None:
 def test_the_place_of_a_plan_is_searched_for_as_a_wish() -> None:
     choice = Choice("desk_2", "horizontal", "on", 0.74, "there")
     wish = planned_place(Plan("+z", "-y", None, (choice,), (Place("left", ("keyboard_4",)),)))
-    keep = allowed(wish, Things(room()), CUP)
+    keep = allowed(wish, RoomRelations(room()), CUP)
     assert keep is not None
     assert keep(np.array([(0.5, 0.2, 0.741), (1.1, 0.2, 0.741)])).tolist() == [True, False]
 
 
 def test_the_height_of_what_hangs_is_that_of_its_middle() -> None:
     choice = Choice("wall_8", "vertical", "hanging", 1.5, "there")
-    keep = allowed(planned_place(Plan("+z", "-y", None, (choice,))), Things(room()), block(0.4, 0.04, 0.6))
+    keep = allowed(planned_place(Plan("+z", "-y", None, (choice,))), RoomRelations(room()), block(0.4, 0.04, 0.6))
     assert keep is not None
     # The places are those of the foot; 0.3 m above that is the middle.
     assert keep(np.array([(0.5, 0.6, 1.2), (0.5, 0.6, 1.5)])).tolist() == [True, False]
 
 
 def test_what_is_to_be_under_a_thing_is_searched_for_there() -> None:
-    keep = allowed(read_wish("under the desk", room()), Things(room()), CUP)
+    keep = allowed(read_wish("under the desk", room()), RoomRelations(room()), CUP)
     assert keep is not None
     assert keep(np.array([(0.8, 0.3, 0.003), (0.8, -1.0, 0.003)])).tolist() == [True, False]
 
 
 @pytest.mark.parametrize("said", ["on the desk but not near the lamp", "on the desk, far from the lamp"])
 def test_what_is_to_be_away_is_searched_for_away(said: str) -> None:
-    keep = allowed(read_wish(said, room()), Things(room()), CUP)
+    keep = allowed(read_wish(said, room()), RoomRelations(room()), CUP)
     assert keep is not None
     assert keep(np.array([(0.35, 0.4, 0.741), (1.2, 0.1, 0.741)])).tolist() == [False, True]
 
@@ -291,11 +302,11 @@ def test_what_is_under_a_picture_is_at_its_foot() -> None:
     "said", ["under the desk", "on the desk, left of the crate", "in the box", "on the top shelf", "by the lamp"]
 )
 def test_a_box_and_the_object_itself_have_the_same_relations(said: str) -> None:
-    things, bodies = Things(room()), np.random.default_rng(0).uniform((-2, -1, 0), (3, 0.6, 0), (300, 3))
+    related, bodies = RoomRelations(room()), np.random.default_rng(0).uniform((-2, -1, 0), (3, 0.6, 0), (300, 3))
     bodies[:, 2] = np.random.default_rng(1).choice([0.003, 0.745, 0.62, 1.12, 0.015], 300)
     for relation in read_wish(said, room()).relations:
-        rough = things.met(Bodies.at(bodies, CUP), relation)
-        exact = [things.met(Bodies.of(at(CUP, *place)), relation)[0] for place in bodies]
+        rough = related.met(PlacedBodies.at(bodies, CUP), relation)
+        exact = [related.met(PlacedBodies.of(at(CUP, *place)), relation)[0] for place in bodies]
         assert (rough == exact).mean() > 0.97
         assert rough.any()
 

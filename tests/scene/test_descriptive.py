@@ -9,6 +9,7 @@ import pytest
 from pxr import Usd, UsdGeom
 from usd_room import box, room
 
+from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh, Part, Scene
 from s2a.scene.upright_box import silhouette, upright_box
 from s2a.scene.usd import descriptive
@@ -139,3 +140,42 @@ def test_numbers_are_rounded_to_the_millimetre(tmp_path: Path) -> None:
 def test_a_viewer_finds_metres_and_z_up(stage: Usd.Stage) -> None:
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
     assert UsdGeom.GetStageUpAxis(stage) == "Z"
+
+
+def test_objects_say_what_carries_holds_and_touches_them(tmp_path: Path) -> None:
+    def part(label: str, low: tuple[float, float, float], size: tuple[float, float, float]) -> Part:
+        mesh = box(tuple(np.add(low, np.array(size) / 2)), size)
+        return Part(label, mesh)
+
+    sides = [
+        ((0.0, 0.0), (0.3, 0.01)),
+        ((0.0, 0.29), (0.3, 0.01)),
+        ((0.0, 0.0), (0.01, 0.3)),
+        ((0.29, 0.0), (0.01, 0.3)),
+    ]
+    tray = merge([
+        box((0.65, 0.25, 0.755), (0.3, 0.3, 0.01)),
+        *(box((0.5 + x + wide[0] / 2, 0.1 + y + wide[1] / 2, 0.81), (*wide, 0.1)) for (x, y), wide in sides),
+    ])  # fmt: skip
+    parts = {
+        "floor_1": part("floor", (-2, -2, -0.02), (4, 4, 0.02)),
+        "wall_2": part("wall", (-2, 0.82, 0), (4, 0.05, 2.4)),
+        "desk_3": part("desk", (-0.2, 0.0, 0.0), (1.4, 0.8, 0.75)),
+        "tray_4": Part("tray", tray),
+        "mug_5": part("mug", (0.6, 0.2, 0.762), (0.08, 0.08, 0.1)),
+        "lamp_6": part("lamp", (0.3, 0.3, 0.751), (0.1, 0.1, 0.4)),
+        "clock_7": part("clock", (1.5, 0.8, 1.5), (0.2, 0.02, 0.2)),
+    }
+    descriptive.write(Scene("room", parts), tmp_path / "d.usda")
+    said = descriptive.read(tmp_path / "d.usda")
+    assert [said[i].on for i in ("desk_3", "tray_4", "mug_5", "lamp_6", "clock_7")] == [
+        "floor_1",
+        "desk_3",
+        "tray_4",
+        "desk_3",
+        None,
+    ]
+    assert [i for i, one in said.items() if one.inside] == ["mug_5"]
+    assert said["desk_3"].touches == said["clock_7"].touches == ("wall_2",)
+    assert said["lamp_6"].beside == ("tray_4",)
+    assert said["mug_5"].touches == ()

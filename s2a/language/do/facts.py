@@ -34,7 +34,8 @@ class RoomPart:
     size: Vec3 | None = None  # of that box [m]
     # horizontal direction that its front faces, of what moves on a joint; else None
     facing: tuple[float, float] | None = None
-    on: str | None = None  # id of the part that an object stands on or in, of what lies free; else None
+    on: str | None = None  # id of the part that an object stands on or in; else None
+    touches: tuple[str, ...] = ()  # ids of the furniture at its sides, of a front that is drawn without any
     open: float = 0.0  # path by which its grasp point stands open [m]; 0 where it is shut or does not move
     base: bool = False  # The robot has a collision-free base pose for it, of what moves on a joint
 
@@ -138,10 +139,11 @@ def _thing(
         box = upright_box(points)
         center, size = box.center, box.size
     parent = described.parent if described else joint.parent if joint else None
-    on = _support(room, room.free[i]) if kind == "free" else None
+    on = _support(room, room.free[i]) if kind == "free" else described.on if described else None
     label = described.label if described else i.rpartition("_")[0].replace("_", " ") or i
     name = " ".join(printable(label).split())[:LABEL]
-    return RoomPart(i, name, parent, kind, center, size, facing, on, opened.get(i, 0.0), base)
+    touches = described.touches if described and joint is not None and parent is None else ()
+    return RoomPart(i, name, parent, kind, center, size, facing, on, touches, opened.get(i, 0.0), base)
 
 
 def _support(room: SimRoom, body: SimBody) -> str | None:
@@ -159,6 +161,8 @@ def _line(thing: RoomPart) -> dict[str, Any]:
         line["label"] = thing.label
     if thing.parent:
         line["part_of"] = thing.parent
+    if thing.touches:
+        line["touches"] = list(thing.touches)
     if thing.kind != "fixed":
         line["kind"] = thing.kind
     if thing.moves:

@@ -154,11 +154,12 @@ def _check_arguments(skill: Skill, facts: Facts, skills: Mapping[str, type[Task]
 SYSTEM = """\
 You plan for a robot arm in a scanned room: a person's sentence becomes a short list of skills.
 
-The room comes as one line of JSON per part: id; label, where the id does not tell it; part_of, the part it belongs to; kind:
-"slides" or "turns" for a part that opens, "free" for an object that can be picked up, absent for what cannot move; open: by how
-many metres it stands open now; faces: the horizontal direction its front faces; reachable: the robot can get at it; on_or_in:
-what an object stands on or in; center and size of its box in metres, z up. To somebody who looks at a front that faces (x, y),
-the direction (-y, x) is on the right.
+The room comes as one line of JSON per part: id; label, where the id does not tell it; part_of, the part it belongs
+to; touches, of a front without part_of, the furniture at its sides; kind: "slides" or "turns" for a part that opens,
+"free" for an object that can be picked up, absent for what cannot move; open: by how many metres it stands open now;
+faces: the horizontal direction its front faces; reachable: the robot can get at it; on_or_in: what an object stands
+on or in; center and size of its box in metres, z up. To somebody who looks at a front that faces (x, y), the
+direction (-y, x) is on the right.
 
 Skills, and what they take; all else is null:
 {skills}

@@ -1,5 +1,6 @@
 """The rule-based fallback: English sentences of a few verbs, without a model; what it does not read, it refuses."""
 
+import itertools
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -10,7 +11,7 @@ import numpy as np
 from s2a.language.ask import Answer, Request
 from s2a.language.do.facts import Facts, RoomPart
 from s2a.language.do.plan import Skill, SkillPlan
-from s2a.language.grammar import NOUNS, is_named, names_of, unread_relation
+from s2a.language.grammar import NOUNS, coarse_names, is_named, names_of, relation_at
 from s2a.tasks.base import Task
 
 HIGH = frozenset("top upper uppermost topmost highest first".split())
@@ -20,6 +21,8 @@ LEFT, RIGHT = frozenset("left leftmost left-hand".split()), frozenset("right rig
 ORDINALS = {"second": 1, "2nd": 1, "third": 2, "3rd": 2, "fourth": 3, "4th": 3}  # From the top; 0 is the first
 POSITIONS = HIGH | LOW | MIDDLE | LEFT | RIGHT | set(ORDINALS)
 LEVEL = 0.04  # [m] Up to which two fronts are equally high, or equally far left
+# [m] Largest gap to what a part is beside, difference up to which two parts are equally near, and depth of furniture
+NEAR, SAME, WIDE = 0.5, 0.1, 1.0
 # [m] By which furniture that stands under other furniture may rise above its top, or stick out of its outline
 BELOW = 0.05
 
@@ -45,7 +48,7 @@ def belongs(part: str, around: Sequence[str], facts: Facts) -> bool:
     while at is not None and at in facts:
         above.append(at)
         at = facts[at].parent
-    if set(above[1:]) & set(around) or facts[part].on in around:
+    if {*above[1:], *facts[part].touches} & {*around} or any(facts[i].on in around for i in above):
         return True
     return any(facts[part].moves and _under(facts[above[-1]], facts[other]) for other in around if other in facts)
 
@@ -69,7 +72,7 @@ def positioned(parts: list[str], position: str, facts: Facts) -> list[str]:
         x, y = facts[parts[0]].facing or (1.0, 0.0)
         along = {i: float(np.dot(facts[i].center or (0, 0, 0), (-y, x, 0.0))) for i in parts}
         return _extreme(parts, along, largest=position in RIGHT)
-    if len({_root(i, facts) for i in parts}) > 1:
+    if len({_root(i, facts) for i in parts}) > 1 and not set.intersection(*({*facts[i].touches} for i in parts)):
         raise Unresolved("ambiguous", f"several pieces of furniture have such a part; which one's {position!r}?", parts)
     height = {i: (facts[i].center or (0, 0, 0))[2] for i in parts}
     if position in HIGH | LOW:
@@ -107,8 +110,18 @@ def _root(part: str, facts: Facts) -> str:
 
 
 ARTICLES = frozenset("the a an my your this that its some".split())
-# Relations to what a part belongs to or stands on
-BELONGS = ("of", "in", "on", "from", "at", "under", "below", "beneath", "inside")
+BELONGS = (
+    "of",
+    "in",
+    "on",
+    "from",
+    "at",
+    "under",
+    "below",
+    "beneath",
+    "inside",
+)  # What a part belongs to, or stands on
+BESIDE = ("near", "above", "below", "left", "right")  # Relations of the grammar to what a part does not belong to
 GLUE = "~"  # Stands for a blank within a label that holds a relation, such as "chest of drawers"
 
 
@@ -118,7 +131,8 @@ class Phrase:
 
     noun: str  # without articles and positions
     positions: tuple[str, ...]  # such as "top" and "left"
-    context: str  # words for what it belongs to or stands on; empty where none are given
+    relation: str  # to what it belongs to or is beside: "of", or one of BESIDE
+    context: str  # words for that; empty where none are given
 
 
 def phrase(words: str, labels: Iterable[str]) -> Phrase:
@@ -128,17 +142,24 @@ def phrase(words: str, labels: Iterable[str]) -> Phrase:
             words = words.replace(label, label.replace(" ", GLUE))
     if owner := re.fullmatch(r"(.+?)'s? (.+)", words):
         words = f"{owner[2]} of {owner[1]}"
-    if unread := unread_relation(words, BELONGS):
-        raise Unresolved("impossible", f"the rules do not read {unread!r}; name the part by its id")
-    head, context = words, ""
-    if relation := re.search(rf"\s(?:{'|'.join(BELONGS)})\s", words):
-        head, context = words[: relation.start()], words[relation.end() :]
+    parts = words.split()
+    head, relation, context = words, "of", ""
+    for at in range(1, len(parts)):
+        kind, length = relation_at(parts, at) or ("", 1)
+        if kind not in BESIDE and parts[at] in BELONGS:
+            kind, length = "of", 1
+        if kind and at + length < len(parts):
+            if kind not in (*BESIDE, "of"):
+                phrase_read = " ".join(parts[at : at + length])
+                raise Unresolved("impossible", f"the rules do not read {phrase_read!r}; name the part by its id")
+            head, relation, context = " ".join(parts[:at]), kind, " ".join(parts[at + length :])
+            break
     tokens = [token for token in re.findall(rf"[\w'{GLUE}-]+", head) if token not in ARTICLES]
     if context.split() and set(re.findall(r"[\w-]+", context)) <= ARTICLES | POSITIONS | {"side"}:  # "on the left"
         tokens, context = [*(t for t in context.split() if t in POSITIONS), *tokens], ""
     positions = tuple(token for token in tokens if token in POSITIONS)
     noun = " ".join(token for token in tokens if token not in POSITIONS)
-    return Phrase(noun.replace(GLUE, " "), positions, context.replace(GLUE, " "))
+    return Phrase(noun.replace(GLUE, " "), positions, relation, context.replace(GLUE, " "))
 
 
 def resolve(words: str, facts: Facts, fits: Callable[[RoomPart], bool], what: str, *, all_fit: bool = False) -> str:
@@ -185,20 +206,47 @@ def _fitting_parts(noun: str, named: list[str], facts: Facts, fits: Callable[[Ro
 def _named(wanted: Phrase, facts: Facts) -> list[str]:
     """Return the parts that a noun names, those in its context where it has one."""
     parts = _called(wanted.noun, facts)
-    contexts = [wanted.context] if wanted.context else []
+    contexts = [(wanted.relation, wanted.context)] if wanted.context else []
     if not parts and " " in wanted.noun:  # "desk drawer"
         first, _, last = wanted.noun.rpartition(" ")
-        parts, contexts = _called(last, facts), [first, *contexts]
-    for context in contexts:
+        parts, contexts = _called(last, facts), [("of", first), *contexts]
+    for relation, context in contexts:
         inner = phrase(context, _labels(facts))
         around = _named(inner, facts)
         if not around:
             raise Unresolved("unknown", f"nothing in the room is called {inner.noun!r}")
-        within = [i for i in parts if belongs(i, around, facts)]
+        within = [i for i in parts if belongs(i, around, facts)] if relation in ("of", "below") else []
+        within = within or (_beside(parts, around, relation, facts) if relation != "of" else [])
         if not within and parts:
-            raise Unresolved("unknown", f"no {wanted.noun!r} belongs to {inner.noun!r}", parts)
+            words = "belongs to" if relation == "of" else f"is {relation}"
+            raise Unresolved("unknown", f"no {wanted.noun!r} {words} {inner.noun!r}", parts)
         parts = within
     return parts
+
+
+def _beside(parts: list[str], around: list[str], relation: str, facts: Facts) -> list[str]:
+    """Return those of some parts that are near some things, or above, below or to a side of them as their front is seen."""
+    gaps: dict[str, float] = {}
+    for i, other in itertools.product(parts, around):
+        part, thing = facts[i], facts[other]
+        if i == other or belongs(i, [other], facts) or not (part.center and part.size and thing.center and thing.size):
+            continue
+        x, y = part.facing or (0.0, -1.0)
+        off, half = np.subtract(part.center, thing.center), (max(part.size[:2]) / 2, max(thing.size[:2]) / 2)
+        aside, ahead = abs(float(off @ (-y, x, 0.0))), abs(float(off @ (x, y, 0.0)))
+        if relation in ("above", "below"):
+            sign = 1.0 if relation == "above" else -1.0
+            fits = sign * off[2] > 0.0 and aside <= max(half) + BELOW and ahead <= WIDE
+            gap = 0.0
+        else:
+            side = {"left": -1.0, "right": 1.0}.get(relation)
+            gap = aside if part.moves else float(np.linalg.norm(off[:2]))
+            fits = (
+                gap <= sum(half) + NEAR and ahead <= WIDE and (side is None or side * float(off @ (-y, x, 0.0)) > 0.0)
+            )
+        if fits:
+            gaps[i] = min(gap, gaps.get(i, gap))
+    return [i for i, gap in gaps.items() if gap <= min(gaps.values()) + SAME]
 
 
 def _called(noun: str, facts: Facts) -> list[str]:
@@ -207,6 +255,9 @@ def _called(noun: str, facts: Facts) -> list[str]:
         return [noun]
     nouns, labels = names_of(noun), {i: thing.label.lower() for i, thing in facts.items()}
     parts = [i for i, label in labels.items() if is_named(label, nouns)]
+    parts = parts or [
+        i for i, label in labels.items() if label in coarse_names(noun) | names_of(noun.split()[-1] if noun else "")
+    ]
     return parts or [i for i, label in labels.items() if any(label.startswith(f"{n} ") for n in nouns)]
 
 
@@ -263,6 +314,9 @@ def _skills(sentence: str, facts: Facts, skills: Mapping[str, type[Task]]) -> li
     if unread := UNREAD.search(words):
         raise Unresolved("impossible", f"the rules do not read {unread[0]!r}; say one thing at a time")
     clauses = [POLITE.sub("", each.strip()) for each in re.split(r"[,;]|\.+(?:\s|$)|\band\b|\bthen\b", words)]
+    for at in range(len(clauses) - 1, 0, -1):  # "the mug on the counter, next to the toaster"
+        if relation_at(clauses[at].split(), 0) and clauses[at - 1]:
+            clauses[at - 1 : at + 1] = [f"{clauses[at - 1]} {clauses[at]}"]
     memory, plan = _Memory(skills), list[Skill]()
     for clause in (TRAILING.sub("", " ".join(each.split())) for each in clauses):
         if clause and clause != "please":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,12 +15,13 @@ from s2a.language.grammar import is_kind_of
 from s2a.language.insert.fit import NoRoom, swept_volumes
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
-from s2a.language.insert.supports import SurfaceConfig, is_basin, over, target_mesh, target_regions
+from s2a.language.insert.supports import SurfaceConfig, is_basin, target_mesh, target_regions
 from s2a.scan.rest import UNANNOTATED
 from s2a.scene.geometry.mesh_ops import normals
 from s2a.scene.geometry.regions import Region, RegionConfig
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 from s2a.scene.upright_box import Box, silhouette, upright_box
+from s2a.scene.usd.descriptive import Relations, relations
 
 if TYPE_CHECKING:
     from s2a.language.insert.settings import Inserted
@@ -119,7 +121,8 @@ def describe(scene: Scene, supports: Supports) -> list[dict[str, Any]]:
     supports (kind, height [m], free area [m^2], diameter of the largest free circle [m], room above [m] of each, the largest
     first). Doors and drawers have no box, nor has what carries nothing and is small or out of reach.
     """
-    return [_line(scene, part_id, supports) for part_id in shown(scene)]
+    related = relations(scene)
+    return [_line(scene, part_id, supports, related.get(part_id, Relations())) for part_id in shown(scene)]
 
 
 def text(lines: list[dict[str, Any]]) -> str:
@@ -225,7 +228,7 @@ def _supports(scene: Scene, part_id: str, config: RegionConfig) -> list[Region]:
     return target_regions(scene, part_id, config, ("horizontal", "inside"))
 
 
-def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
+def _line(scene: Scene, part_id: str, supports: Supports, related: Relations) -> dict[str, Any]:
     """Return the description of one part."""
     part, box = scene.parts[part_id], box_of(scene, part_id)
     small = part.parent is None and max(box.size) < SMALL
@@ -236,8 +239,8 @@ def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
         line["part_of"] = part.parent
     if isinstance(part.motion, Joint):
         return {**line, "opens": "slides" if part.motion.kind == "prismatic" else "turns"}
-    if below := _carrier(scene, part_id, box, supports):
-        line["on"] = below
+    if related.on:
+        line["on"] = related.on
     if carries or not (small or box.center[2] - box.size[2] / 2 > REACH):
         line |= {"center": _rounded(box.center), "size": _rounded(box.size)}
     if carries:
@@ -255,20 +258,6 @@ def _model_line(line: dict[str, Any], lines: list[dict[str, Any]]) -> dict[str, 
         described["supports"] = [list(values.values()) for values in line["supports"]]
     opens = {other["id"]: other["opens"] for other in lines if "opens" in other and other.get("part_of") == line["id"]}
     return described | ({"opens": opens} if opens else {})
-
-
-def _carrier(scene: Scene, part_id: str, box: Box, supports: Supports) -> str | None:
-    """Return the id of the part that a part stands on."""
-    if scene.parts[part_id].parent is not None:
-        return None
-    foot = np.array([*box.center[:2], box.center[2] - box.size[2] / 2])
-    for other, regions in supports.items():
-        # The object hid the support from the scanner: the outline counts, not the cells.
-        if other != part_id and any(
-            abs(region.places(foot[None])[0, 2]) < NEAR and over(region, foot) for region in regions
-        ):
-            return other
-    return None
 
 
 def _two_digits(value: float) -> float:
@@ -291,18 +280,19 @@ TOP = 0.15
 def _nameless(scene: Scene, supports: Supports) -> dict[str, Part]:
     """Return a part for each unlabelled support that is as high as a kind of furniture of which the room has none by name."""
     parts: dict[str, Part] = {}
-    floor = floor_height(scene)
-    labels = [part.label for part in scene.parts.values()]
+    floor, labels = floor_height(scene), [part.label for part in scene.parts.values()]
     kinds = {kind: span for kind, span in HIGH_AS.items() if not any(is_kind_of(label, kind) for label in labels)}
-    for target, regions in supports.items():
-        mesh = scene.parts[target].mesh
-        for number, region in enumerate(regions if scene.parts[target].label in NAMELESS else []):
-            kind = next((k for k, (low, high) in kinds.items() if low <= region.height - floor <= high), None)
-            if kind and region.area >= TOP:
-                cells = region.places(mesh.vertices[mesh.faces].mean(axis=1))
-                row, column = np.clip(np.floor(cells[:, :2]).astype(int), 0, np.array(region.support.shape) - 1).T
-                own = region.support[row, column] & (np.abs(cells[:, 2]) < NEAR)
-                parts[f"{target}.{number}"] = Part(kind, Mesh(mesh.vertices, mesh.faces[own]))
+    for target, kind in product((i for i in supports if scene.parts[i].label in NAMELESS), kinds):
+        mesh, (low, high) = scene.parts[target].mesh, kinds[kind]
+        tops = [region for region in supports[target] if low <= region.height - floor <= high]
+        if sum(region.area for region in tops) < TOP:
+            continue
+        own = np.zeros(len(mesh.faces), bool)
+        for region in tops:
+            cells = region.places(mesh.vertices[mesh.faces].mean(axis=1))
+            row, column = np.clip(np.floor(cells[:, :2]).astype(int), 0, np.array(region.support.shape) - 1).T
+            own |= region.support[row, column] & (np.abs(cells[:, 2]) < NEAR)
+        parts[f"{target}.{kind}"] = Part(kind, Mesh(mesh.vertices, mesh.faces[own]))
     return parts
 
 
@@ -322,7 +312,7 @@ class RoomState:
         self._lines = describe(scene, self._supports)
         self._levels = {part_id: regions for part_id, regions in self._supports.items() if regions}
         self._unseen: list[tuple[Scene, Inserted]] = []
-        self._things: Scene | None = None
+        self._named: Scene | None = None
 
     @property
     def supports(self) -> Supports:
@@ -331,12 +321,12 @@ class RoomState:
         return self._supports
 
     @property
-    def things(self) -> Scene:
+    def named(self) -> Scene:
         """The scene for wishes: unlabelled supports that are as high as a table or a counter are parts of it, by these names."""
         self._survey()
-        if self._things is None:
-            self._things = replace(self.scene, parts=self.scene.parts | _nameless(self.scene, self._supports))
-        return self._things
+        if self._named is None:
+            self._named = replace(self.scene, parts=self.scene.parts | _nameless(self.scene, self._supports))
+        return self._named
 
     @property
     def lines(self) -> list[dict[str, Any]]:
@@ -362,7 +352,7 @@ class RoomState:
         """Add an object; the survey is updated when it is needed next."""
         parts = {**self.scene.parts, inserted.placement.part_id: inserted.part}
         self.scene = Scene(self.scene.name, parts, self.scene.origin)
-        self._unseen, self._things = [*self._unseen, (self.scene, inserted)], None
+        self._unseen, self._named = [*self._unseen, (self.scene, inserted)], None
 
     def _survey(self) -> None:
         """Update the survey around the last objects."""

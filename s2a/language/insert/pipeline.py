@@ -27,7 +27,7 @@ from s2a.language.insert.settings import Inserted, InsertSettings, ObjectRequest
 from s2a.language.insert.stability import StabilityCheck, drop_check, stable_pose
 from s2a.language.insert.stable_pose import concavities, cross_sections, tilt_margins
 from s2a.language.insert.wish import nowhere, wished
-from s2a.language.insert.wish_check import Things, allowed, decline, objection, planned_place, read_wish, verdict
+from s2a.language.insert.wish_check import RoomRelations, allowed, decline, objection, planned_place, read_wish, verdict
 from s2a.language.sandbox.diff import Placement, check_label
 from s2a.language.sandbox.jail import Sandbox
 from s2a.language.sandbox.operations import PolicyViolation
@@ -178,9 +178,9 @@ class Attempt:
         room, request, settings, record = self._room, self._request, self._settings, self.record
         check_words(request.label, request.hint)
         self._file = read_object(request.file, settings.placement.object)
-        self._wish = read_wish(request.hint, room.things)
+        self._wish = read_wish(request.hint, room.named)
         if settings.wish == "heed":
-            decline(self._wish, request.hint, room.things, understood=not settings.by_rules)
+            decline(self._wish, request.hint, room.named, understood=not settings.by_rules)
         with step(record, "describe") as result:
             result |= {"parts": len(room.lines), "tokens": tokens(describe.text(room.lines))}
         with self._sandbox() as sandbox:
@@ -203,7 +203,7 @@ class Attempt:
         where, object, scale, candidate = self._place(failed)
         moved = candidate.pose.moved(object)
         if request.hint:
-            record["wish"] = verdict(self._understood(where), request.hint, self._room.things, moved)
+            record["wish"] = verdict(self._understood(where), request.hint, self._room.named, moved)
         model = self._model if settings.script == "model" else write_scripts
         with self._sandbox() as sandbox, step(record, "script") as result:
             prim = placement(scene, request.label, candidate.pose, scale)
@@ -310,7 +310,7 @@ class Attempt:
         room, config, record = self._room, self._settings.placement, self.record
         unstable = False
         keeps: dict[Wish, Keep | None] = {}
-        things = Things(room.things)
+        related = RoomRelations(room.named)
 
         def check(candidate: CandidatePose) -> Record:
             nonlocal unstable
@@ -326,9 +326,9 @@ class Attempt:
                 continue  # it would fall over however it is turned
             reasons: list[str] = []
             if wish not in keeps:
-                keeps[wish] = allowed(wish, things, object)
+                keeps[wish] = allowed(wish, related, object)
             poses = candidate_poses(room, object, where, config, pose, reasons, keeps[wish])
-            unheeded = partial(_unheeded, things, object, wish)
+            unheeded = partial(_unheeded, related, object, wish)
             with step(record, "pose") as result:
                 candidate = stable_pose(room, object, poses, check, unheeded, config.pose, reasons)
                 if candidate is not None:
@@ -349,9 +349,9 @@ class Attempt:
                     yield wish, pose
 
 
-def _unheeded(things: Things, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:
+def _unheeded(related: RoomRelations, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:
     """Return the relation of a hint that a candidate does not have, as a clause; empty if it has all."""
-    return objection(things, wish, candidate.pose.moved(object)) if wish.relations else ""
+    return objection(related, wish, candidate.pose.moved(object)) if wish.relations else ""
 
 
 def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Record:

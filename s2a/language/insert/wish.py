@@ -5,17 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from s2a.language.grammar import EDGES, Relation, Wish
+from s2a.language.grammar import BESIDE, DIRECT, Relation, Wish
 from s2a.language.insert.describe import FOOT, WORTH, RoomState, circle, is_wall
 from s2a.language.insert.supports import is_basin
-from s2a.language.insert.wish_check import Things, allowed
+from s2a.language.insert.wish_check import RoomRelations, allowed
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.regions import Region
 
-DIRECT = ("on", "in", "against", "top", "bottom", *EDGES, "corner", "middle")
-"""Relations to what carries the object."""
-BESIDE = ("near", "left", "right", "front", "behind", "between")
-"""Relations to what stands on the same support."""
 SMALL = box(np.array([0.0, 0.0, 0.05]), np.eye(3), np.array([0.04, 0.04, 0.05]))
 """An object as small as any: where it does not go, nothing does."""
 SAMPLES = 300
@@ -32,14 +28,14 @@ def wished(room: RoomState, wish: Wish, hangs: bool) -> dict[str, Any]:
     `hangs`: True for what hangs on walls where nothing else is said.
     """
     kinds = {one.kind for one in wish.relations if not one.negated}
-    things, upright = Things(room.things), bool(kinds & {"wall", "height"} or (hangs and not kinds & {*DIRECT}))
-    keep = allowed(wish, things, SMALL)
+    related, upright = RoomRelations(room.named), bool(kinds & {"wall", "height"} or (hangs and not kinds & {*DIRECT}))
+    keep = allowed(wish, related, SMALL)
     options: list[tuple[tuple[float, ...], dict[str, Any]]] = []
-    for target, points, region in _walls(room, things) if upright else _levels(room):
+    for target, points, region in _walls(room, related) if upright else _levels(room):
         share = 0.0 if keep is None else float(keep(points).mean())
         if share > 0.0:
             area = share * (region.free_area if region else len(points))
-            options.append((_rank(wish, things, target, region, area), _choice(wish, target, region)))
+            options.append((_rank(wish, related, target, region, area), _choice(wish, target, region)))
     choices = [choice for _, choice in sorted(options, key=lambda one: one[0])]
     return {"choices": choices, "near": _neighbour(room, wish, choices[0]["target"]) if choices else None}
 
@@ -54,10 +50,11 @@ def nowhere(room: RoomState, wish: Wish) -> str:
 def _neighbour(room: RoomState, wish: Wish, target: str) -> str | None:
     """Return what an object is to be beside: of the things that the wish may mean the one nearest to the support."""
     beside = [one for one in wish.relations if one.kind in (*BESIDE, "above", "below") and not one.negated]
-    parts = room.things.parts
+    parts = room.named.parts
     middle = parts[target].mesh.bounds.mean(axis=0)
     ids = beside[0].part_ids[0] if beside else ()
-    return min(ids, key=lambda i: float(np.linalg.norm(parts[i].mesh.bounds.mean(axis=0) - middle)), default=None)
+    nearest = min(ids, key=lambda i: float(np.linalg.norm(parts[i].mesh.bounds.mean(axis=0) - middle)), default="")
+    return nearest.partition(".")[0] or None
 
 
 def _levels(room: RoomState) -> Iterator[tuple[str, np.ndarray, Region | None]]:
@@ -68,10 +65,10 @@ def _levels(room: RoomState) -> Iterator[tuple[str, np.ndarray, Region | None]]:
                 yield target, _some(region.points(np.argwhere(region.free) + 0.5)), region
 
 
-def _walls(room: RoomState, things: Things) -> Iterator[tuple[str, np.ndarray, Region | None]]:
+def _walls(room: RoomState, related: RoomRelations) -> Iterator[tuple[str, np.ndarray, Region | None]]:
     """Yield the walls, with places on them."""
     for target, part in room.scene.parts.items():
-        height = part.mesh.vertices[:, 2] - things.floor
+        height = part.mesh.vertices[:, 2] - related.floor
         points = part.mesh.vertices[(height > EYES[0]) & (height < EYES[1])]
         if is_wall(part.label) and len(points):
             yield target, _some(points), None
@@ -81,7 +78,7 @@ def _some(points: np.ndarray) -> np.ndarray:
     return points[:: max(1, len(points) // SAMPLES)].astype(float)
 
 
-def _rank(wish: Wish, things: Things, target: str, region: Region | None, area: float) -> tuple[float, ...]:
+def _rank(wish: Wish, related: RoomRelations, target: str, region: Region | None, area: float) -> tuple[float, ...]:
     """Return what a support is sorted by, the best first."""
     kinds = {one.kind for one in wish.relations if not one.negated}
     named = any(_is_of(target, ids) for one in wish.relations if one.kind in DIRECT for ids in one.part_ids)
@@ -90,8 +87,8 @@ def _rank(wish: Wish, things: Things, target: str, region: Region | None, area: 
     carries = "in" in kinds and not (region.kind == "inside" or is_basin(region))
     level = next((region.height * sign for kind, sign in (("top", -1), ("bottom", 1)) if kind in kinds), 0.0)
     beside = [one for one in wish.relations if one.kind in BESIDE and not one.negated]
-    apart = sum(not any(_level_with(things, i, region) for i in one.part_ids[0]) for one in beside)
-    label = things.scene.parts[target].label
+    apart = sum(not any(_level_with(related, i, region) for i in one.part_ids[0]) for one in beside)
+    label = related.scene.parts[target].label
     rest = label == "unannotated" or (label == "floor" and not kinds & {*BESIDE, "below"})
     return (not named, carries, level, apart, rest, -area)
 
@@ -101,9 +98,9 @@ def _is_of(target: str, ids: tuple[str, ...]) -> bool:
     return any(target == i or i.startswith(f"{target}.") for i in ids)
 
 
-def _level_with(things: Things, part_id: str, region: Region) -> bool:
+def _level_with(related: RoomRelations, part_id: str, region: Region) -> bool:
     """Return True if a thing may stand on a support, or be let into it."""
-    low, high = things.mesh(part_id).bounds[:, 2]
+    low, high = related.mesh(part_id).bounds[:, 2]
     return bool(low - SAME <= region.height <= high + SAME)
 
 

@@ -70,7 +70,7 @@ class PlacedBodies:
         middle, half = self.middle[:, :2] @ axes, (self.high - self.low)[:, :2] / 2
         return middle - half, middle + half
 
-    def feet(self) -> np.ndarray:
+    def undersides(self) -> np.ndarray:
         """Return points of the undersides [m], shape [body point 3]."""
         if self.mesh is None:
             places = self.low[:, None, :2] + THIRDS * (self.high - self.low)[:, None, :2]
@@ -82,7 +82,7 @@ class PlacedBodies:
         return np.concatenate([foot, (foot + middle) / 2, middle[None]])[None]
 
 
-class Things:
+class RoomRelations:
     """Relations of bodies to the things of a room; what is derived from a thing is kept for the next question."""
 
     def __init__(self, scene: Scene) -> None:
@@ -235,7 +235,7 @@ class Things:
 
 def met(scene: Scene, object: Mesh, relation: Relation) -> bool:
     """Return True if an object in its place [m] has a relation to one of the things that it may mean."""
-    return bool(Things(scene).met(PlacedBodies.of(object), relation)[0])
+    return bool(RoomRelations(scene).met(PlacedBodies.of(object), relation)[0])
 
 
 def viewer(scene: Scene, part_id: str) -> np.ndarray:
@@ -312,7 +312,7 @@ def _carrier(scene: Scene, part_id: str) -> str:
 
 def _rests(bodies: PlacedBodies, mesh: Mesh) -> np.ndarray:
     """Return which bodies have a surface right below them: a fifth of the rays from their undersides meet it."""
-    start = bodies.feet() + 0.02 * UP
+    start = bodies.undersides() + 0.02 * UP
     reach = 0.02 + CONTACT + 0.01
     below, above = start.reshape(-1, 3).min(axis=0) - reach * UP, start.reshape(-1, 3).max(axis=0)
     if (below > mesh.bounds[1]).any() or (above < mesh.bounds[0]).any():
@@ -415,10 +415,10 @@ def decline(wish: Wish, text: str, scene: Scene, understood: bool) -> None:
     )
 
 
-def objection(things: Things, wish: Wish, object: Mesh) -> str:
+def objection(related: RoomRelations, wish: Wish, object: Mesh) -> str:
     """Return the first relation that an object in its place [m] does not have, as a clause; empty if it has all."""
     bodies = PlacedBodies.of(object)
-    unmet = next((one for one in wish.relations if not things.met(bodies, one)[0]), None)
+    unmet = next((one for one in wish.relations if not related.met(bodies, one)[0]), None)
     return "" if unmet is None else f"it would not be {'so: not ' if unmet.negated else ''}{unmet.words!r} there"
 
 
@@ -433,7 +433,7 @@ def verdict(wish: Wish, text: str, scene: Scene, object: Mesh) -> dict[str, Any]
     return {**record, "heeded": None if heeded and wish.unread else heeded}
 
 
-def allowed(wish: Wish, things: Things, object: Mesh) -> Callable[[np.ndarray], np.ndarray] | None:
+def allowed(wish: Wish, related: RoomRelations, object: Mesh) -> Callable[[np.ndarray], np.ndarray] | None:
     """Return a filter of places [m] for the search, by an object's box where the check of the result has its surface; None: all.
 
     `object`: upright, standing on z = 0 above the origin, in metres.
@@ -445,7 +445,7 @@ def allowed(wish: Wish, things: Things, object: Mesh) -> Callable[[np.ndarray], 
         stays = np.ones(len(places), bool)
         for one in wish.relations:
             if stays.any():
-                stays[stays] = things.met(PlacedBodies.at(places[stays], object), one)
+                stays[stays] = related.met(PlacedBodies.at(places[stays], object), one)
         return stays
 
     return keep

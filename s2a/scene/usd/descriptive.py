@@ -12,8 +12,9 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from s2a.core.errors import InputError
-from s2a.scene.scene import Joint, Part, Scene, Vec3
-from s2a.scene.upright_box import silhouette, upright_box
+from s2a.scene.geometry.mesh_ops import sample, within
+from s2a.scene.scene import Joint, Mesh, Part, Scene, Vec3
+from s2a.scene.upright_box import Box, silhouette, upright_box
 from s2a.scene.usd.joints import KINDS, site_point
 from s2a.scene.usd.stage import ROOT, check_ids, new_stage, open_stage, read_attribute, reading, save, write_attribute
 
@@ -25,7 +26,8 @@ LEGEND = """A room, part by part: a prim inside another is a part of it. Metres,
 center, size: upright box around a part with all inside it; yaw: degrees its size[0] side is turned from x about z.
 motion: prismatic (slides along axis), revolute (turns about axis through origin, right-handed) or free;
 limits: m or rad from the pose shown; against: what it moves against. graspable: held here; grasp: where to hold.
-Whatever is absent: false, fixed, not turned, unknown."""
+on: what carries it; inside: what holds it all around or above; touches: the walls and furniture at its sides;
+beside: what is near it on the same carrier, the nearest first. Whatever is absent: false, fixed, not turned, unknown."""
 
 Types = Sdf.ValueTypeNames
 
@@ -44,6 +46,139 @@ class DescribedPart:
     joint: Joint | None = None  # how it moves, rounded as it is described; None for what is fixed or free
     against: str | None = None  # id of the body that it moves against, or "world"; None for what has no joint
     mass: float | None = None  # [kg] if annotated, else None
+    on: str | None = None  # id of what carries it, of an object that stands on something; else None
+    inside: str | None = None  # id of what holds it all around or above, else None
+    touches: tuple[str, ...] = ()  # ids of the walls and furniture at its sides
+    beside: tuple[str, ...] = ()  # ids of what is near it on the same carrier, the nearest first
+
+
+# Gaps up to which things touch [m]: the noise of a scan; and up to which one is beside another
+TOUCH, BESIDE = 0.04, 0.4
+# Width of the ring around a foot [m]: what stands somewhere hides its support from the scanner
+RING = 0.04
+# Points of a foot, and of a surface, that are looked at
+FEET, POINTS = 40, 2000
+# Neighbours that are named, and of eight directions those in which something rises around what is inside
+NEIGHBOURS, ROUND = 3, 6
+
+
+@dataclass(frozen=True)
+class Relations:
+    """Where an object is among the others: ids, as in `DescribedPart`."""
+
+    on: str | None = None
+    inside: str | None = None
+    touches: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
+
+
+def relations(scene: Scene) -> dict[str, Relations]:
+    """Return the relations of the objects of a scene, of all that is not a part of something, structure, or unlabelled rest."""
+    solid = {i: part.mesh for i, part in scene.parts.items() if len(part.mesh.faces)}
+    own = [i for i in solid if scene.parts[i].parent is None and not _is_structure(scene.parts[i].label)]
+    fronts = [i for i in own if isinstance(scene.parts[i].motion, Joint)]  # of furniture that nobody drew
+    objects = [i for i in own if i not in fronts]
+    points = {i: sample(mesh, POINTS, seed=0) for i, mesh in solid.items()}
+    boxes = {i: upright_box(silhouette(solid[i].vertices)) for i in own}
+    on = {i: _carrier(scene, i, solid) for i in objects}
+    inside = {i: on[i] for i in objects if _is_inside(i, on[i], scene, solid, points)}
+    others = {i: [o for o in objects if o != i and on[o] == on[i] and on[i] is not None] for i in objects}
+    gaps = {i: {o: _gap(boxes[i], points[o]) for o in near} for i, near in others.items()}
+    walls = [i for i in solid if scene.parts[i].label.lower().endswith("wall")]
+    sides = {i: [o for o in (*walls, *objects) if o not in (i, on.get(i)) and _meets(solid[i], solid[o])] for i in own}
+    touches = {i: [o for o in sides[i] if i in fronts or o in walls or _larger(solid[o], solid[i])] for i in own}
+    touches = {i: tuple(o for o in others if _touches(boxes[i], points[o])) for i, others in touches.items()}
+    near = {i: sorted((gap, o) for o, gap in gaps[i].items() if gap <= BESIDE)[:NEIGHBOURS] for i in objects}
+    return {i: Relations(on.get(i), inside.get(i), touches[i], tuple(o for _, o in near.get(i, ()))) for i in own}
+
+
+def _is_structure(label: str) -> bool:
+    return label.lower() in ("floor", "ceiling", "unannotated") or label.lower().endswith("wall")
+
+
+def _meets(mesh: Mesh, other: Mesh) -> bool:
+    """Return True if the boxes of two surfaces are near."""
+    return bool(
+        (mesh.bounds[0] <= other.bounds[1] + 2 * TOUCH).all() and (other.bounds[0] <= mesh.bounds[1] + 2 * TOUCH).all()
+    )
+
+
+def _larger(mesh: Mesh, than: Mesh) -> bool:
+    return bool(np.prod(np.ptp(mesh.bounds, axis=0)) > np.prod(np.ptp(than.bounds, axis=0)))
+
+
+def _carrier(scene: Scene, part_id: str, solid: dict[str, Mesh]) -> str | None:
+    """Return the id of the object or floor whose surface is most below the foot of a part, or around that; None if none is."""
+    mesh = solid[part_id]
+    low = float(mesh.bounds[0, 2])
+    foot = mesh.vertices[mesh.vertices[:, 2] < low + 0.01 + 0.02 * np.ptp(mesh.bounds[:, 2]), :2].astype(float)
+    foot = foot[:: max(1, len(foot) // FEET)]
+    out = foot - foot.mean(axis=0)
+    ring = foot + RING * out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-6)
+    places = np.concatenate([foot, foot.mean(axis=0)[None], ring])
+    corners = np.array([[*(places.min(axis=0) - 0.01), low - TOUCH], [*(places.max(axis=0) + 0.01), low + TOUCH]])
+    hits: dict[str, tuple[float, float]] = {}
+    for other, surface in solid.items():
+        owner = (scene.ancestors(other) or [other])[-1]
+        label = scene.parts[owner].label.lower()
+        if owner == part_id or isinstance(scene.parts[owner].motion, Joint) or label == "unannotated":
+            continue
+        near = within(surface, *corners)
+        if len(near.faces) and not label.endswith("wall"):
+            covered = _covered(places, near.vertices[near.faces].astype(float), *corners[:, 2])
+            hits[owner] = max(hits.get(owner, (0.0, 0.0)), covered)
+    most = max((share for share, _ in hits.values()), default=0.0)
+    if most >= 0.1:
+        return max((i for i in hits if hits[i][0] >= most / 2), key=lambda i: hits[i][1])
+    floors = [i for i, part in scene.parts.items() if part.label.lower() == "floor" and i in solid]
+    return next((i for i in floors if low <= np.median(solid[i].vertices[:, 2]) + 2 * TOUCH), None)  # hidden by a bed
+
+
+def _covered(places: np.ndarray, triangles: np.ndarray, low: float, high: float) -> tuple[float, float]:
+    """Return at which fraction of places [place 2] triangles [triangle 3 3] have a height between two, and its mean [m]."""
+    a, ab, ac = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    area = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
+    level = np.abs(area) > 1e-9
+    a, ab, ac, area = a[level], ab[level], ac[level], area[level]
+    off = places[:, None] - a[:, :2]
+    v = (off[..., 0] * ac[:, 1] - off[..., 1] * ac[:, 0]) / area
+    w = (ab[:, 0] * off[..., 1] - ab[:, 1] * off[..., 0]) / area
+    height = a[:, 2] + v * ab[:, 2] + w * ac[:, 2]
+    there = (v >= 0) & (w >= 0) & (v + w <= 1) & (height >= low) & (height <= high)
+    return float(there.any(axis=1).mean()), float(height[there].mean()) if there.any() else 0.0
+
+
+def _is_inside(
+    part_id: str, carrier: str | None, scene: Scene, solid: dict[str, Mesh], points: dict[str, np.ndarray]
+) -> bool:
+    """Return True for what its carrier has a board above, or rises around."""
+    if carrier is None or carrier not in points or _is_structure(scene.parts[carrier].label):
+        return False
+    (low, high), holder = solid[part_id].bounds.astype(float), points[carrier]
+    middle = (low + high) / 2
+    above = (np.abs(holder[:, :2] - middle[:2]) <= (high - low)[:2] / 2).all(axis=1) & (holder[:, 2] > high[2] + TOUCH)
+    around = holder[holder[:, 2] > low[2] + min(0.05, 0.5 * (high - low)[2])] - middle
+    sectors = np.floor(np.arctan2(around[:, 1], around[:, 0]) / (np.pi / 4)).astype(int)
+    return bool(above.sum() >= 2 or len(np.unique(sectors % 8)) >= ROUND)
+
+
+def _from(box: Box, points: np.ndarray) -> np.ndarray:
+    """Return how far points [point 3] are out of a box along its axes [m], 0 inside, shape [point 3]."""
+    local = points - box.center
+    c, s = math.cos(box.yaw), math.sin(box.yaw)
+    local[:, :2] = local[:, :2] @ np.array([[c, -s], [s, c]])
+    return np.maximum(np.abs(local) - np.array(box.size) / 2, 0.0)
+
+
+def _gap(box: Box, points: np.ndarray) -> float:
+    """Return the distance of a box to the points of a surface [m]."""
+    return float(np.linalg.norm(_from(box, points), axis=1).min())
+
+
+def _touches(box: Box, points: np.ndarray) -> bool:
+    """Return True if a box has several points of a surface at its sides, at a height between its own."""
+    off = _from(box, points)
+    return bool(((off[:, 2] == 0.0) & (np.linalg.norm(off[:, :2], axis=1) <= 1.5 * TOUCH)).sum() >= 5)
 
 
 def write(scene: Scene, path: Path) -> None:
@@ -60,8 +195,12 @@ def write(scene: Scene, path: Path) -> None:
     write_attribute(root, "name", Types.String, scene.name)
     outlines = {part_id: silhouette(part.mesh.vertices) for part_id, part in scene.parts.items()}
     _write_box(root, list(outlines.values()))
+    related = relations(scene)
     for part_id in scene.parts:
         prim = _write_part(stage, scene, part_id)
+        for name, value in vars(related.get(part_id, Relations())).items():
+            if value:
+                _describe(prim, name, Types.String, value if isinstance(value, str) else " ".join(value))
         _write_box(prim, [outlines[i] for i in (part_id, *scene.descendants(part_id))])
     save(stage, path)
 
@@ -97,6 +236,10 @@ def _read_part(prim: Usd.Prim, root: Usd.Prim) -> DescribedPart:
         joint=described_joint(prim),
         against=read_attribute(prim, "against", str),
         mass=read_attribute(prim, "mass", float),
+        on=read_attribute(prim, "on", str),
+        inside=read_attribute(prim, "inside", str),
+        touches=tuple(read_attribute(prim, "touches", str, "").split()),
+        beside=tuple(read_attribute(prim, "beside", str, "").split()),
     )
 
 

@@ -1,0 +1,80 @@
+"""Do sentences mean the right skills in captures of real rooms? The rules' plans beside what a person takes the words to mean.
+
+    python experiments/sentences_real.py ROOMS [--rooms scene0000_00 ...] [--name rules]
+
+ROOMS holds NAME.usd (`s2a prepare`) and NAME/descriptive.usda (`s2a export`) for each room of sentences_real.yaml. Nothing is
+executed, and nothing is asked about reach. Prints a line a sentence and writes experiments/results/sentences_real_NAME.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import yaml
+from insertion_study import RESULTS
+
+from s2a.core import config
+from s2a.core.provenance import provenance
+from s2a.language.ask import Request
+from s2a.language.commands.do import Config
+from s2a.language.do.episode import tasks_of
+from s2a.language.do.facts import gather
+from s2a.language.do.rules import rules
+from s2a.scene.usd import descriptive, sim_stage
+
+SENTENCES = Path(__file__).parent / "sentences_real.yaml"
+
+
+def main() -> None:
+    """Plan every sentence and write what came of it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("captures", type=Path)
+    parser.add_argument("--rooms", nargs="*")
+    parser.add_argument("--name", default="rules")
+    args = parser.parse_args()
+    sentences, rows = yaml.safe_load(SENTENCES.read_text()), []
+    for name in args.rooms or sentences:
+        stage = args.captures / f"{name}.usd"
+        settings = config.load(
+            Config, config.compose("do", [f"stage={stage}", "sentence=x", "out=unused", "llm=rules"])
+        )
+        described = descriptive.read(args.captures / name / "descriptive.usda")
+        facts, skills = gather(sim_stage.read(stage), described, {}, settings.robot.name), tasks_of(settings.skills)
+        for entry in sentences[name]:
+            question = {"sentence": entry["sentence"], "things": facts, "skills": skills}
+            plan = json.loads(rules(Request("skills", "", (("user", ""),), None, question)).text)
+            done = [
+                [i for i in (one["skill"], one["object"], one["part"], one["support"]) if i] for one in plan["skills"]
+            ]
+            right = done == entry["do"] if "do" in entry else plan["refusal"] in entry["refuse"]
+            rows.append(
+                {
+                    "room": name,
+                    **entry,
+                    "plan": done,
+                    "refusal": plan["refusal"],
+                    "reason": plan["reason"],
+                    "right": right,
+                }
+            )
+            print(
+                name,
+                "ok " if right else "BAD",
+                entry["sentence"],
+                done,
+                plan["refusal"],
+                plan["reason"][:90],
+                flush=True,
+            )
+    counts = {"sentences": len(rows), "right": sum(row["right"] for row in rows)}
+    counts |= {"wrong skills": sum(bool(row["plan"]) and not row["right"] for row in rows)}
+    (RESULTS / f"sentences_real_{args.name}.json").write_text(
+        json.dumps({**provenance("cpu"), **counts, "rows": rows}, indent=1) + "\n"
+    )
+    print(counts)
+
+
+if __name__ == "__main__":
+    main()

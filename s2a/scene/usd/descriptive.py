@@ -12,7 +12,6 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from s2a.core.errors import InputError
-from s2a.scene.geometry.mesh_ops import sample, within
 from s2a.scene.scene import Joint, Mesh, Part, Scene, Vec3
 from s2a.scene.upright_box import Box, silhouette, upright_box
 from s2a.scene.usd.joints import KINDS, site_point
@@ -78,7 +77,7 @@ def relations(scene: Scene) -> dict[str, Relations]:
     own = [i for i in solid if scene.parts[i].parent is None and not _is_structure(scene.parts[i].label)]
     fronts = [i for i in own if isinstance(scene.parts[i].motion, Joint)]  # of furniture that nobody drew
     objects = [i for i in own if i not in fronts]
-    points = {i: sample(mesh, POINTS, seed=0) for i, mesh in solid.items()}
+    points = {i: _points(mesh) for i, mesh in solid.items()}
     boxes = {i: upright_box(silhouette(solid[i].vertices)) for i in own}
     on = {i: _carrier(scene, i, solid) for i in objects}
     inside = {i: on[i] for i in objects if _is_inside(i, on[i], scene, solid, points)}
@@ -123,15 +122,32 @@ def _carrier(scene: Scene, part_id: str, solid: dict[str, Mesh]) -> str | None:
         label = scene.parts[owner].label.lower()
         if owner == part_id or isinstance(scene.parts[owner].motion, Joint) or label == "unannotated":
             continue
-        near = within(surface, *corners)
-        if len(near.faces) and not label.endswith("wall"):
-            covered = _covered(places, near.vertices[near.faces].astype(float), *corners[:, 2])
+        near = _triangles(surface, *corners)
+        if len(near) and not label.endswith("wall"):
+            covered = _covered(places, near, *corners[:, 2])
             hits[owner] = max(hits.get(owner, (0.0, 0.0)), covered)
     most = max((share for share, _ in hits.values()), default=0.0)
     if most >= 0.1:
         return max((i for i in hits if hits[i][0] >= most / 2), key=lambda i: hits[i][1])
     floors = [i for i, part in scene.parts.items() if part.label.lower() == "floor" and i in solid]
     return next((i for i in floors if low <= np.median(solid[i].vertices[:, 2]) + 2 * TOUCH), None)  # hidden by a bed
+
+
+def _points(mesh: Mesh) -> np.ndarray:
+    """Return points spread over a surface by area [m], shape [point 3]."""
+    random, areas = np.random.default_rng(0), mesh.face_areas + 1e-12
+    chosen = random.choice(len(mesh.faces), POINTS, p=areas / areas.sum())
+    u, v = np.sort(random.random((2, POINTS)), axis=0)
+    corners = mesh.vertices[mesh.faces[chosen]].astype(np.float64)
+    return np.einsum("pk,pkd->pd", np.stack([u, v - u, 1 - v], axis=1), corners)
+
+
+def _triangles(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the triangles of a surface whose boxes meet a box with these corners [m], shape [triangle 3 3]."""
+    if (mesh.bounds[0] > high).any() or (mesh.bounds[1] < low).any():
+        return np.empty((0, 3, 3))
+    corners = mesh.vertices[mesh.faces].astype(float)
+    return corners[((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)]
 
 
 def _covered(places: np.ndarray, triangles: np.ndarray, low: float, high: float) -> tuple[float, float]:

@@ -85,8 +85,8 @@ def relations(scene: Scene) -> dict[str, Relations]:
     gaps = {i: {o: _gap(boxes[i], points[o]) for o in near} for i, near in others.items()}
     walls = [i for i in solid if scene.parts[i].label.lower().endswith("wall")]
     sides = {i: [o for o in (*walls, *objects) if o not in (i, on.get(i)) and _meets(solid[i], solid[o])] for i in own}
-    touches = {i: [o for o in sides[i] if i in fronts or o in walls or _larger(solid[o], solid[i])] for i in own}
-    touches = {i: tuple(o for o in others if _touches(boxes[i], points[o])) for i, others in touches.items()}
+    large = {i: [o for o in sides[i] if i in fronts or o in walls or _larger(solid[o], solid[i])] for i in own}
+    touches = {i: tuple(o for o in others if _touches(boxes[i], points[o])) for i, others in large.items()}
     near = {i: sorted((gap, o) for o, gap in gaps[i].items() if gap <= BESIDE)[:NEIGHBOURS] for i in objects}
     return {i: Relations(on.get(i), inside.get(i), touches[i], tuple(o for _, o in near.get(i, ()))) for i in own}
 

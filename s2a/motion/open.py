@@ -20,7 +20,7 @@ from s2a.robot.collision import SLACK
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import (
-    WAYS,
+    VARIANTS,
     PathSettings,
     ToolPath,
     follow,
@@ -252,7 +252,7 @@ def planned_path(sim: Simulation, settings: PlannerConfig, tool_path: Skill) -> 
     kin, stage = kinematics(sim.robot), sim.stage
     best: tuple[ToolPath, np.ndarray] | None = None
     failure: InputError | None = None
-    for fraction, slip in WAYS[stage.joint.kind][: None if settings.pull_law is None else 1]:
+    for fraction, slip in VARIANTS[stage.joint.kind][: None if settings.pull_law is None else 1]:
         path = tool_path(stage, replace(settings, opening=fraction * settings.opening))
         path = slipping(path, stage.joint, slip)
         try:

@@ -18,7 +18,7 @@ from s2a.motion.trajectory import STRAIGHT_APPROACH
 from s2a.prepare.grasp import floor_height, floor_points, heading, lowest_point
 from s2a.robot.collision import SLACK, Penetration, RobotShape, robot_shape
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import HALF_TURN, WAYS, opening_coordinate, part_path, slipping, straight
+from s2a.robot.tool_path import HALF_TURN, VARIANTS, opening_coordinate, part_path, slipping, straight
 from s2a.scan.evidence.surface import FloorConfig, FloorSupport, floor_support
 from s2a.scene.geometry.convex import column, overlap
 from s2a.scene.scene import Mesh, Scene, Vec3
@@ -90,7 +90,7 @@ def find_base(
         end = opening_coordinate(joint, point, opening * config.opening)
         return slipping(part_path(joint, held, config.approach, end), joint, slip).poses
 
-    ways = [poses(*way) for way in WAYS[joint.kind][: None if config.search else 1]]
+    ways = [poses(*way) for way in VARIANTS[joint.kind][: None if config.search else 1]]
     near = Obstacles.of_scan(scene, point, config.query_radius)
     surroundings = ScannedSurfaces(near, near.without(moving), shape)
     ground = Ground(scene, target, point, near, swept, config, robot)

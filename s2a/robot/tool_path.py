@@ -16,7 +16,7 @@ STEP = 0.015  # [m] Distance between neighbouring poses
 TURN = 0.1  # [rad] Largest rotation between neighbouring poses
 # Ways to move a part, tried in this order: fractions of `opening`, and of a hinged part's turn that its handle makes in the
 # gripper. What is asked for, with the gripper fast on the handle; then what a person does in a corner
-WAYS = {
+VARIANTS = {
     "revolute": ((1.0, 0.0), (1.0, 0.8), (0.75, 0.8)),
     "prismatic": ((1.0, 0.0), (0.75, 0.0)),
 }

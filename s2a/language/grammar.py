@@ -293,7 +293,10 @@ class _Parser:
             and any(one.kind in DIRECT for one in self.relations)
         ):
             self.at += length
-            self._thing(kind)  # "on the couch near the picture on the wall": where the picture is
+            carrier = self._thing(kind)  # "on the couch near the picture on the wall": where the picture is
+            if carrier and not carrier[1]:
+                area = area_of(carrier[0])
+                (self.unread if area else self.missing).append(f"{kind} {carrier[0]}" if area else carrier[0])
             return
         negated = bool({"not", "never", "don"} & set(recent[:3] if "don" not in recent else recent))
         self.at += length
@@ -364,7 +367,8 @@ class _Parser:
         for first in range(len(words)):
             ending = " ".join(words[first:])
             exact = tuple(i for i, label in self.labels.items() if ending in (i.lower(), label.lower()))
-            if ids := exact or self._ids(names_of(ending)) or self._ids(coarse_names(ending)):
+            coarse = coarse_names(ending)  # labels as they are: a "coffee table" is no desk
+            if ids := exact or self._ids(names_of(ending)) or self._labelled(coarse):
                 self.at += len(words)
                 return name, ids
         if (area := area_of(name)) and kind in ("in", "near", "on"):
@@ -375,6 +379,9 @@ class _Parser:
             return None
         self.at += len(words)
         return name, ()
+
+    def _labelled(self, names: set[str]) -> tuple[str, ...]:
+        return tuple(i for i, label in self.labels.items() if label.lower().replace("_", " ") in names)
 
     def _ids(self, names: Iterable[str]) -> tuple[str, ...]:
         names = tuple(names)

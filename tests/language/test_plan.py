@@ -155,6 +155,15 @@ def test_labels_are_one_line_and_short(room: SimRoom) -> None:
     assert facts["drawer_2"].label.isprintable()
 
 
+def test_a_front_shares_furniture_with_others_and_no_wall(room: SimRoom) -> None:
+    described = {
+        "wall_3": DescribedPart("wall", None, "fixed", False, (-0.3, 0.0, 1.0), (0.1, 4.0, 2.0)),
+        "cabinet_1": DescribedPart("cabinet", None, "fixed", False, (0.0, 0.0, 0.4), (0.6, 0.8, 0.8)),
+        "drawer_2": DescribedPart("drawer", None, "prismatic", False, None, None, touches=("wall_3", "cabinet_1")),
+    }
+    assert gather(room, described, {}, "panda")["drawer_2"].touches == ("cabinet_1",)
+
+
 def test_facts_of_a_room(room: SimRoom) -> None:
     facts = gather(room, None, {"drawer_2": 0.25}, "panda")
     drawer, cube = facts["drawer_2"], facts["cube_9"]

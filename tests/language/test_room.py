@@ -131,6 +131,9 @@ def test_a_room_without_labels_offers_a_table_by_its_height() -> None:
     assert {support["like"]: support["height"] for support in line["supports"]} == {
         "floor-like": 0.0, "table-like": 0.74, "seat-like": 0.42,
     }  # fmt: skip
+    # What stands for a table in wishes is as large as its top, and not as the room.
+    top = RoomState(scene, "", SURFACE).named.parts["unannotated_1.table"].mesh
+    np.testing.assert_allclose(top.bounds, [(0, 0, 0.74), (1.2, 0.6, 0.74)], atol=0.01)
     mug = known("mug")
     assert mug is not None
     (choice, *_) = _choices([line], mug, 0.1)

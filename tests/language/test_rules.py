@@ -68,6 +68,7 @@ def words(sentence: str) -> list[str]:
         ("open drawer_3", ["open drawer_3"]),
         ("open the top drawer of the desk", ["open drawer_4"]),  # of the cabinet that stands below it
         ("open the desk's bottom drawer", ["open drawer_3"]),
+        ("open the top desk drawer", ["open drawer_4"]),
         ("open the storage cabinet's upper drawer", ["open drawer_4"]),
         # Facing the chest, which faces +x, one looks along -x: +y is on the right.
         ("open the top right drawer of the chest of drawers", ["open drawer_11"]),
@@ -110,6 +111,8 @@ def test_meaning(sentence: str, skills: list[str] | None) -> None:
         ("close it", "ambiguous"),
         ("put the glue stick", "ambiguous"),
         ("open the fridge", "unknown"),
+        ("open the fridge window", "unknown"),  # the only window is no fridge's
+        ("put the paper cup on the table", "unknown"),
         ("open the drawer of the wardrobe", "unknown"),
         ("put the glue stick into the safe", "unknown"),
         ("open the table", "impossible"),
@@ -149,6 +152,28 @@ def test_an_object_is_told_from_another_by_what_it_stands_on() -> None:
     assert planned("put the glue stick into drawer_3", FACTS | {"glue_20": other}).refusal == "ambiguous"
     found = planned("put the glue stick on the table into drawer_3", FACTS | {"glue_20": other})
     assert [skill.words for skill in found.skills] == ["put_in glue_20 -> drawer_3"]
+
+
+def test_a_part_is_told_from_others_by_its_furniture() -> None:
+    stand = thing("nightstand_20", "nightstand", (0.2, 6.0, 0.3), (0.5, 0.4, 0.6))
+    facts = FACTS | {"nightstand_20": stand, "drawer_21": drawer("drawer_21", "nightstand_20", 6.0, 0.3)}
+    assert [skill.words for skill in planned("open the nightstand drawer", facts).skills] == ["open drawer_21"]
+    desk = planned("open the desk drawer", facts)
+    assert (desk.refusal, set(desk.options)) == ("ambiguous", {"drawer_3", "drawer_4"})
+
+
+def test_left_of_a_thing_without_a_front_is_asked_and_near_it_is_not() -> None:
+    lamp = thing("lamp_20", "lamp", (0.2, 0.0, 0.9), (0.1, 0.1, 0.3))
+    other = replace(FACTS["glue_18"], id="glue_21", center=(0.6, 0.0, 0.8))
+    facts = FACTS | {"lamp_20": lamp, "glue_21": other}
+    left = planned("put the glue stick left of the lamp into drawer_3", facts)
+    assert left.refusal == "ambiguous"
+    assert "front" in left.reason
+    near = planned("put the glue stick near the lamp into drawer_3", facts)
+    assert near.refusal == "ambiguous"  # 0.3 m and 0.4 m off in plan
+    far = facts | {"glue_21": replace(other, center=(0.75, 0.0, 0.8))}
+    near = planned("put the glue stick near the lamp into drawer_3", far)
+    assert [skill.words for skill in near.skills] == ["put_in glue_18 -> drawer_3"]
 
 
 def test_any_words_give_a_plan_or_a_refusal() -> None:

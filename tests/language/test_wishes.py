@@ -10,11 +10,15 @@ from rough_furniture import at, block, sheet
 
 from s2a.core.errors import InputError
 from s2a.language.grammar import parse_wish
+from s2a.language.insert.describe import RoomState
 from s2a.language.insert.plan import Choice, Place, Plan
+from s2a.language.insert.supports import SurfaceConfig
+from s2a.language.insert.wish import wished
 from s2a.language.insert.wish_check import (
     PlacedBodies,
     RoomRelations,
     allowed,
+    any_allowed,
     decline,
     met,
     planned_place,
@@ -100,6 +104,7 @@ def test_wishes_become_relations(said: str, kinds: list[str], things: list[str])
         ("between the lamp and the piano", "piano"),
         ("next to my aquarium", "aquarium"),
         ("hidden inside the wall safe", "wall safe"),
+        ("on the desk near the lamp on the piano", "piano"),
     ],
 )
 def test_what_is_not_there_is_missing_and_declined_by_name(said: str, missing: str) -> None:
@@ -284,10 +289,12 @@ def test_what_is_to_be_away_is_searched_for_away(said: str) -> None:
 
 def test_a_blanket_carries_for_its_bed() -> None:
     bed, blanket = at(block(1.4, 2.0, 0.4), 0.0, 0.0, 0.0), at(block(1.4, 2.0, 0.05), 0.0, 0.0, 0.4)
-    scene = Scene("room", {"bed_1": Part("bed", bed), "blanket_2": Part("blanket", blanket)})
+    parts = {"bed_1": Part("bed", bed), "blanket_2": Part("blanket", blanket)}
+    scene = Scene("room", parts | {"blanket_3": Part("blanket", at(blanket, 9.0, 0.0, 0.0))})
     (relation,) = read_wish("on the bed", scene).relations
     assert met(scene, at(CUP, 0.0, 0.0, 0.451), relation)
     assert not met(scene, at(CUP, 0.9, 0.0, 0.451), relation)
+    assert not met(scene, at(CUP, 9.0, 0.0, 0.451), relation)  # of another bed
 
 
 def test_what_is_under_a_picture_is_at_its_foot() -> None:
@@ -318,6 +325,22 @@ def test_the_labels_of_headsets_stand_for_what_they_cover(noun: str, label: str)
     assert parse_wish(f"near the {noun}", {"a_1": label}).relations[0].part_ids == (("a_1",),)
     both = parse_wish(f"near the {noun}", {"a_1": label, "b_2": noun}).relations[0]
     assert both.part_ids == (("b_2",),)
+
+
+def test_what_a_headset_does_not_say_stands_for_nothing_else() -> None:
+    assert parse_wish("on the desk", {"a_1": "coffee table"}).missing == ("desk",)
+    assert parse_wish("near the painting", {"a_1": "Wall_Art"}).relations[0].part_ids == (("a_1",),)
+
+
+def test_a_shelf_at_a_height_is_no_wall() -> None:
+    choices = wished(RoomState(room(), "", SurfaceConfig("regions")), read_wish("on the shelf at 0.7 m", room()), False)
+    assert {(one["target"], one["height"]) for one in choices["choices"]} == {("shelf_6", 0.62)}
+
+
+def test_the_one_place_that_is_as_wished_is_found() -> None:
+    places = np.column_stack([np.arange(5000.0)] * 3)
+    assert any_allowed(lambda some: some[:, 0] == 4321, places)
+    assert not any_allowed(lambda some: some[:, 0] == 5000, places)
 
 
 def test_what_is_missing_is_answered_by_what_is_used_alike() -> None:

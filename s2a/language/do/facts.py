@@ -74,7 +74,14 @@ def gather(
     hidden = _hidden(described)
     ids = [*(i for i in described if i not in hidden), *(i for i in points if i not in described)]
     parts = {i: _thing(i, room, described.get(i), points.get(i), opened, robot) for i in ids}
-    return {i: thing if thing.parent in parts else replace(thing, parent=None) for i, thing in parts.items()}
+    parents = {i: thing.parent if thing.parent in parts else None for i, thing in parts.items()}
+    # Fronts of different furniture share a wall: it tells nothing of what they belong to.
+    sides = {i: tuple(o for o in thing.touches if not _is_wall(o, described)) for i, thing in parts.items()}
+    return {i: replace(thing, parent=parents[i], touches=sides[i]) for i, thing in parts.items()}
+
+
+def _is_wall(i: str, described: Mapping[str, DescribedPart]) -> bool:
+    return i in described and described[i].label.lower().endswith("wall")
 
 
 def text(facts: Facts) -> str:

@@ -122,6 +122,7 @@ BELONGS = (
     "inside",
 )  # What a part belongs to, or stands on
 BESIDE = ("near", "above", "below", "left", "right")  # Relations of the grammar to what a part does not belong to
+SIDES = {"left": -1.0, "right": 1.0}  # Of a front, as it is seen
 GLUE = "~"  # Stands for a blank within a label that holds a relation, such as "chest of drawers"
 
 
@@ -213,12 +214,13 @@ def _named(wanted: Phrase, facts: Facts) -> list[str]:
     for relation, context in contexts:
         inner = phrase(context, _labels(facts))
         around = _named(inner, facts)
-        if not around:
-            raise Unresolved("unknown", f"nothing in the room is called {inner.noun!r}")
+        if not around:  # "paper towel": of a compound all is named
+            name = inner.noun if context == wanted.context else wanted.noun
+            raise Unresolved("unknown", f"nothing in the room is called {name!r}")
         within = [i for i in parts if belongs(i, around, facts)] if relation in ("of", "below") else []
         within = within or (_beside(parts, around, relation, facts) if relation != "of" else [])
         if not within and parts:
-            words = "belongs to" if relation == "of" else f"is {relation}"
+            words = "belongs to" if relation == "of" else f"is {relation}{' of' if relation in SIDES else ''}"
             raise Unresolved("unknown", f"no {wanted.noun!r} {words} {inner.noun!r}", parts)
         parts = within
     return parts
@@ -231,19 +233,24 @@ def _beside(parts: list[str], around: list[str], relation: str, facts: Facts) ->
         part, thing = facts[i], facts[other]
         if i == other or belongs(i, [other], facts) or not (part.center and part.size and thing.center and thing.size):
             continue
-        x, y = part.facing or (0.0, -1.0)
+        facing = part.facing or (thing.facing if relation in SIDES else None)
         off, half = np.subtract(part.center, thing.center), (max(part.size[:2]) / 2, max(thing.size[:2]) / 2)
-        aside, ahead = abs(float(off @ (-y, x, 0.0))), abs(float(off @ (x, y, 0.0)))
+        x, y = facing or (0.0, 0.0)
+        across = float(off @ (-y, x, 0.0))
+        aside, ahead = (abs(across), abs(float(off @ (x, y, 0.0)))) if facing else (float(np.linalg.norm(off[:2])), 0.0)
         if relation in ("above", "below"):
             sign = 1.0 if relation == "above" else -1.0
             fits = sign * off[2] > 0.0 and aside <= max(half) + BELOW and ahead <= WIDE
             gap = 0.0
         else:
-            side = {"left": -1.0, "right": 1.0}.get(relation)
+            side = SIDES.get(relation)
             gap = aside if part.moves else float(np.linalg.norm(off[:2]))
-            fits = (
-                gap <= sum(half) + NEAR and ahead <= WIDE and (side is None or side * float(off @ (-y, x, 0.0)) > 0.0)
-            )
+            fits = gap <= sum(half) + NEAR and ahead <= WIDE
+            if fits and side is not None:
+                if not facing:
+                    reason = f"{relation!r} needs a front, which neither {part.id} nor {thing.id} has"
+                    raise Unresolved("ambiguous", reason, parts)
+                fits = side * across > 0.0
         if fits:
             gaps[i] = min(gap, gaps.get(i, gap))
     return [i for i, gap in gaps.items() if gap <= min(gaps.values()) + SAME]
@@ -255,9 +262,7 @@ def _called(noun: str, facts: Facts) -> list[str]:
         return [noun]
     nouns, labels = names_of(noun), {i: thing.label.lower() for i, thing in facts.items()}
     parts = [i for i, label in labels.items() if is_named(label, nouns)]
-    parts = parts or [
-        i for i, label in labels.items() if label in coarse_names(noun) | names_of(noun.split()[-1] if noun else "")
-    ]
+    parts = parts or [i for i, label in labels.items() if label in coarse_names(noun)]
     return parts or [i for i, label in labels.items() if any(label.startswith(f"{n} ") for n in nouns)]
 
 

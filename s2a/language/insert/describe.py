@@ -17,11 +17,11 @@ from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
 from s2a.language.insert.supports import SurfaceConfig, is_basin, target_mesh, target_regions
 from s2a.scan.rest import UNANNOTATED
-from s2a.scene.geometry.mesh_ops import normals
+from s2a.scene.geometry.mesh_ops import keep, normals
 from s2a.scene.geometry.regions import Region, RegionConfig
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 from s2a.scene.upright_box import Box, silhouette, upright_box
-from s2a.scene.usd.descriptive import Relations, relations
+from s2a.scene.usd.descriptive import carriers
 
 if TYPE_CHECKING:
     from s2a.language.insert.settings import Inserted
@@ -121,8 +121,8 @@ def describe(scene: Scene, supports: Supports) -> list[dict[str, Any]]:
     supports (kind, height [m], free area [m^2], diameter of the largest free circle [m], room above [m] of each, the largest
     first). Doors and drawers have no box, nor has what carries nothing and is small or out of reach.
     """
-    related = relations(scene)
-    return [_line(scene, part_id, supports, related.get(part_id, Relations())) for part_id in shown(scene)]
+    on = carriers(scene)
+    return [_line(scene, part_id, supports, on.get(part_id)) for part_id in shown(scene)]
 
 
 def text(lines: list[dict[str, Any]]) -> str:
@@ -228,8 +228,8 @@ def _supports(scene: Scene, part_id: str, config: RegionConfig) -> list[Region]:
     return target_regions(scene, part_id, config, ("horizontal", "inside"))
 
 
-def _line(scene: Scene, part_id: str, supports: Supports, related: Relations) -> dict[str, Any]:
-    """Return the description of one part."""
+def _line(scene: Scene, part_id: str, supports: Supports, on: str | None) -> dict[str, Any]:
+    """Return the description of one part, `on` another one."""
     part, box = scene.parts[part_id], box_of(scene, part_id)
     small = part.parent is None and max(box.size) < SMALL
     bare, own = part.label == UNANNOTATED, supports.get(part_id, [])
@@ -239,8 +239,8 @@ def _line(scene: Scene, part_id: str, supports: Supports, related: Relations) ->
         line["part_of"] = part.parent
     if isinstance(part.motion, Joint):
         return {**line, "opens": "slides" if part.motion.kind == "prismatic" else "turns"}
-    if related.on:
-        line["on"] = related.on
+    if on:
+        line["on"] = on
     if carries or not (small or box.center[2] - box.size[2] / 2 > REACH):
         line |= {"center": _rounded(box.center), "size": _rounded(box.size)}
     if carries:
@@ -292,7 +292,8 @@ def _nameless(scene: Scene, supports: Supports) -> dict[str, Part]:
             cells = region.places(mesh.vertices[mesh.faces].mean(axis=1))
             row, column = np.clip(np.floor(cells[:, :2]).astype(int), 0, np.array(region.support.shape) - 1).T
             own |= region.support[row, column] & (np.abs(cells[:, 2]) < NEAR)
-        parts[f"{target}.{kind}"] = Part(kind, Mesh(mesh.vertices, mesh.faces[own]))
+        if own.any():
+            parts[f"{target}.{kind}"] = Part(kind, keep(mesh, own))
     return parts
 
 

@@ -38,6 +38,7 @@ from s2a.language.insert.supports import (
     target_plane,
     target_regions,
 )
+from s2a.language.insert.wish_check import any_allowed
 from s2a.scan.rest import UNANNOTATED
 from s2a.scene.geometry.planes import Plane
 from s2a.scene.geometry.regions import Region
@@ -422,7 +423,7 @@ def _on_regions(
     if not regions:
         raise NoRoom(f"it has no {choice.surface} surface")
     if keep is not None and not upright:
-        regions = [region for region in regions if keep(region.points(np.argwhere(region.free) + 0.5)).any()]
+        regions = [region for region in regions if any_allowed(keep, region.points(np.argwhere(region.free) + 0.5))]
         if not regions:
             raise NoRoom("no free place on it is as wished")
     for region in regions[:TRIED]:

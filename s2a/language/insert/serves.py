@@ -198,16 +198,20 @@ def visible_fraction(obstacles: Mesh, points: np.ndarray, eyes: np.ndarray, gap:
 
     The points may be on the obstacles: rays start `gap` [m] away from them.
     """
+    return np.asarray(visible(obstacles, points, eyes, gap).mean(axis=1))
+
+
+def visible(obstacles: Mesh, points: np.ndarray, eyes: np.ndarray, gap: float = GAP) -> np.ndarray:
+    """Return which points each eye sees, as in `visible_fraction`, shape [eye point]."""
     if not len(obstacles.faces):
-        return np.ones(len(eyes))
+        return np.ones((len(eyes), len(points)), bool)
     away = eyes[:, None] - points
     distance = np.linalg.norm(away, axis=2)
     direction = (away / distance[..., None]).reshape(-1, 3)
     start, reach = np.tile(points, (len(eyes), 1)) + gap * direction, float(distance.max())
     seen, _ = visible_distance(kept_ray_mesh(obstacles), start, direction, reach)
     # Distances are in single precision: what is as far as the farthest ray counts as seen.
-    free = seen.reshape(distance.shape) >= np.minimum(distance - 2 * gap, reach * 0.999)
-    return np.asarray(free.mean(axis=1))
+    return np.asarray(seen.reshape(distance.shape) >= np.minimum(distance - 2 * gap, reach * 0.999))
 
 
 def _standing_on(scene: Scene, region: Region, target: str) -> list[Mesh]:

@@ -8,14 +8,14 @@ import numpy as np
 from s2a.language.grammar import BESIDE, DIRECT, Relation, Wish
 from s2a.language.insert.describe import FOOT, WORTH, RoomState, circle, is_wall
 from s2a.language.insert.supports import is_basin
-from s2a.language.insert.wish_check import RoomRelations, allowed
+from s2a.language.insert.wish_check import RoomRelations, allowed, any_allowed
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.regions import Region
 
 SMALL = box(np.array([0.0, 0.0, 0.05]), np.eye(3), np.array([0.04, 0.04, 0.05]))
 """An object as small as any: where it does not go, nothing does."""
 SAMPLES = 300
-"""Places of a support that are looked at."""
+"""Places of a support that are looked at; all where none of these is as wished."""
 EYES = (1.1, 1.9)
 """Heights above the floor at which things hang [m]."""
 SAME = 0.1
@@ -28,11 +28,15 @@ def wished(room: RoomState, wish: Wish, hangs: bool) -> dict[str, Any]:
     `hangs`: True for what hangs on walls where nothing else is said.
     """
     kinds = {one.kind for one in wish.relations if not one.negated}
-    related, upright = RoomRelations(room.named), bool(kinds & {"wall", "height"} or (hangs and not kinds & {*DIRECT}))
+    hung = "wall" in kinds or ((hangs or "height" in kinds) and not kinds & {*DIRECT})
+    related = RoomRelations(room.named)
     keep = allowed(wish, related, SMALL)
+    supports = list(_walls(room, related) if hung else _levels(room)) if keep else []
+    shares = [float(keep(_some(points)).mean()) for _, points, _ in supports] if keep else []
+    if keep and not any(shares):  # before it is refused: all places
+        shares = [any_allowed(keep, points) / len(points) for _, points, _ in supports]
     options: list[tuple[tuple[float, ...], dict[str, Any]]] = []
-    for target, points, region in _walls(room, related) if upright else _levels(room):
-        share = 0.0 if keep is None else float(keep(points).mean())
+    for (target, points, region), share in zip(supports, shares, strict=True):
         if share > 0.0:
             area = share * (region.free_area if region else len(points))
             options.append((_rank(wish, related, target, region, area), _choice(wish, target, region)))
@@ -62,7 +66,7 @@ def _levels(room: RoomState) -> Iterator[tuple[str, np.ndarray, Region | None]]:
     for target, regions in room.supports.items():
         for region in regions:
             if region.free_area >= WORTH and circle(region) >= FOOT:
-                yield target, _some(region.points(np.argwhere(region.free) + 0.5)), region
+                yield target, region.points(np.argwhere(region.free) + 0.5).astype(float), region
 
 
 def _walls(room: RoomState, related: RoomRelations) -> Iterator[tuple[str, np.ndarray, Region | None]]:
@@ -71,11 +75,12 @@ def _walls(room: RoomState, related: RoomRelations) -> Iterator[tuple[str, np.nd
         height = part.mesh.vertices[:, 2] - related.floor
         points = part.mesh.vertices[(height > EYES[0]) & (height < EYES[1])]
         if is_wall(part.label) and len(points):
-            yield target, _some(points), None
+            yield target, points.astype(float), None
 
 
 def _some(points: np.ndarray) -> np.ndarray:
-    return points[:: max(1, len(points) // SAMPLES)].astype(float)
+    """Return some places from all over; at equal steps they may all lie in one line."""
+    return points[np.random.default_rng(0).permutation(len(points))[:SAMPLES]]
 
 
 def _rank(wish: Wish, related: RoomRelations, target: str, region: Region | None, area: float) -> tuple[float, ...]:

@@ -14,7 +14,7 @@ from s2a.core.errors import InputError
 from s2a.language.grammar import BEDDING, EDGES, Relation, Wish, alike, is_kind_of, landmarks, parse_wish
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
-from s2a.language.insert.serves import SEATS, front, visible_fraction, visible_from
+from s2a.language.insert.serves import SEATS, front, visible, visible_from
 from s2a.language.insert.supports import is_floor, nearby, target_mesh
 from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
@@ -171,13 +171,21 @@ class RoomRelations:
 
     def _carried(self, bodies: PlacedBodies, part_id: str) -> np.ndarray:
         """Return which bodies a thing is right below, or what covers it: rays from their undersides meet it."""
-        covers = [part_id] if not is_kind_of(self.scene.parts[part_id].label, "bed") else [
-            part_id, *(i for i, part in self.scene.parts.items() if part.label.lower() in BEDDING and len(part.mesh.faces))
-        ]  # fmt: skip
-        rests = np.logical_or.reduce([_rests(bodies, self.mesh(i)) for i in covers])
+        bedding = self._bedding(part_id) if is_kind_of(self.scene.parts[part_id].label, "bed") else []
+        rests = np.logical_or.reduce([_rests(bodies, self.mesh(i)) for i in (part_id, *bedding)])
         # The faces of a floor under furniture are often labelled as that.
         on_floor = is_floor(self.scene, part_id) & (np.abs(bodies.low[:, 2] - self.floor) <= CONTACT)
         return np.asarray(rests | on_floor)
+
+    def _bedding(self, part_id: str) -> list[str]:
+        """Return what covers a bed: bedding that is above some of its plan."""
+        low, high = self.mesh(part_id).bounds[:, :2]
+        bedding = {
+            i: part.mesh.bounds[:, :2]
+            for i, part in self.scene.parts.items()
+            if part.label.lower() in BEDDING and len(part.mesh.faces)
+        }
+        return [i for i, (first, last) in bedding.items() if (first < high).all() and (last > low).all()]
 
     def _hung(self, part_id: str) -> bool:
         """Return True for what hangs on a wall: it is thin, and its underside is high."""
@@ -228,9 +236,7 @@ class RoomRelations:
         around = nearby(
             self.scene, np.minimum(tops.min(axis=0), eyes.min(axis=0)), np.maximum(tops.max(axis=0), eyes.max(axis=0))
         )
-        return np.asarray(
-            ahead & np.any([visible_fraction(around, tops[i : i + 1], eyes) for i in range(len(tops))], axis=1)
-        )
+        return np.asarray(ahead & visible(around, tops, eyes).any(axis=0))
 
 
 def met(scene: Scene, object: Mesh, relation: Relation) -> bool:
@@ -433,6 +439,10 @@ def verdict(wish: Wish, text: str, scene: Scene, object: Mesh) -> dict[str, Any]
     return {**record, "heeded": None if heeded and wish.unread else heeded}
 
 
+BLOCK = 500
+"""Places that are looked at first."""
+
+
 def allowed(wish: Wish, related: RoomRelations, object: Mesh) -> Callable[[np.ndarray], np.ndarray] | None:
     """Return a filter of places [m] for the search, by an object's box where the check of the result has its surface; None: all.
 
@@ -449,6 +459,17 @@ def allowed(wish: Wish, related: RoomRelations, object: Mesh) -> Callable[[np.nd
         return stays
 
     return keep
+
+
+def any_allowed(keep: Callable[[np.ndarray], np.ndarray], places: np.ndarray) -> bool:
+    """Return True if a filter of places [m], shape [place 3], keeps one: ever more are looked at up to the first."""
+    order = np.random.default_rng(0).permutation(len(places))
+    begin, count = 0, BLOCK
+    while begin < len(order):
+        if keep(places[order[begin : begin + count]]).any():
+            return True
+        begin, count = begin + count, 4 * count
+    return False
 
 
 def _box_gap(bodies: PlacedBodies, mesh: Mesh) -> np.ndarray:

@@ -73,13 +73,10 @@ class Relations:
 
 def relations(scene: Scene) -> dict[str, Relations]:
     """Return the relations of the objects of a scene, of all that is not a part of something, structure, or unlabelled rest."""
-    solid = {i: part.mesh for i, part in scene.parts.items() if len(part.mesh.faces)}
-    own = [i for i in solid if scene.parts[i].parent is None and not _is_structure(scene.parts[i].label)]
-    fronts = [i for i in own if isinstance(scene.parts[i].motion, Joint)]  # of furniture that nobody drew
-    objects = [i for i in own if i not in fronts]
+    solid, own, on = _solid(scene), _own(scene), carriers(scene)
+    objects, fronts = list(on), [i for i in own if i not in on]
     points = {i: _points(mesh) for i, mesh in solid.items()}
     boxes = {i: upright_box(silhouette(solid[i].vertices)) for i in own}
-    on = {i: _carrier(scene, i, solid) for i in objects}
     inside = {i: on[i] for i in objects if _is_inside(i, on[i], scene, solid, points)}
     others = {i: [o for o in objects if o != i and on[o] == on[i] and on[i] is not None] for i in objects}
     gaps = {i: {o: _gap(boxes[i], points[o]) for o in near} for i, near in others.items()}
@@ -89,6 +86,21 @@ def relations(scene: Scene) -> dict[str, Relations]:
     touches = {i: tuple(o for o in others if _touches(boxes[i], points[o])) for i, others in large.items()}
     near = {i: sorted((gap, o) for o, gap in gaps[i].items() if gap <= BESIDE)[:NEIGHBOURS] for i in objects}
     return {i: Relations(on.get(i), inside.get(i), touches[i], tuple(o for _, o in near.get(i, ()))) for i in own}
+
+
+def carriers(scene: Scene) -> dict[str, str | None]:
+    """Return the id of what carries each object, or None; fronts of furniture that nobody drew are left out."""
+    solid = _solid(scene)
+    return {i: _carrier(scene, i, solid) for i in _own(scene) if not isinstance(scene.parts[i].motion, Joint)}
+
+
+def _solid(scene: Scene) -> dict[str, Mesh]:
+    return {i: part.mesh for i, part in scene.parts.items() if len(part.mesh.faces)}
+
+
+def _own(scene: Scene) -> list[str]:
+    """Return the ids of what has a surface and is not a part of something, structure, or unlabelled rest."""
+    return [i for i in _solid(scene) if scene.parts[i].parent is None and not _is_structure(scene.parts[i].label)]
 
 
 def _is_structure(label: str) -> bool:

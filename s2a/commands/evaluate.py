@@ -25,8 +25,11 @@ from s2a.learn.evaluate import Agent, Policy, SoftStates, baseline, by_part, eva
 from s2a.learn.rl.policy_file import PolicyFile, export
 from s2a.learn.rl.ppo import load_model, load_policy
 from s2a.learn.rl.run_folder import read_world
+from s2a.motion.open import variant_path
 from s2a.motion.part_base import ready_to_move
 from s2a.motion.policy import Planner
+from s2a.motion.search import Unreachable
+from s2a.robot.tool_path import variants
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.camera import Camera, CameraConfig
@@ -222,9 +225,15 @@ def _based(stage: SimStage, config: Config) -> SimStage:
     if task.tool_path is Task.tool_path:
         raise InputError(f"key 'search_base' is true, and task={config.task.name} always searches; leave it out")
 
-    path_of = partial(task.tool_path, motion=config.planner, config=config.task)
-    noise, seed = config.planner.start_noise, config.planner.seed
-    return ready_to_move(stage, path_of, config.robot, noise, seed, may_push=task.PUSHES)
+    tool_path, planner = partial(task.tool_path, config=config.task), config.planner
+    failure: Unreachable | None = None
+    for variant in variants(stage.joint, stage.grasp, internal=stage.internal):
+        path_of = partial(variant_path, settings=planner, tool_path=tool_path, variant=variant)
+        try:
+            return ready_to_move(stage, path_of, config.robot, planner.start_noise, planner.seed, may_push=task.PUSHES)
+        except Unreachable as error:
+            failure = failure or error
+    raise failure or AssertionError("a stage or a failure")
 
 
 def _refuse_of_a_pool(config: Config) -> None:

@@ -20,7 +20,7 @@ from s2a.robot.collision import SLACK
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import (
-    VARIANTS,
+    ASKED,
     PathSettings,
     ToolPath,
     follow,
@@ -29,6 +29,7 @@ from s2a.robot.tool_path import (
     part_path,
     slipping,
     straight,
+    variants,
 )
 from s2a.robot.urdf import position_limits
 from s2a.scene.articulation import displace, transform
@@ -219,7 +220,7 @@ def plan_letting_go(sim: Simulation, settings: PlannerConfig, tool_path: Skill) 
     for ahead, back, opening in LET_GO:
         shorter = replace(settings, approach=ahead * settings.approach, opening=opening * settings.opening)
         try:
-            path, arm = planned_path(sim, shorter, partial(_with_retreat, tool_path, back))
+            path, arm = planned_path(sim, shorter, partial(_with_retreat, tool_path, back), exact=opening < 1.0)
         except InputError as error:
             first = first or error
             continue
@@ -244,33 +245,48 @@ def drawn_back(joint: Joint, path: ToolPath, fraction: float) -> ToolPath:
     return replace(path, poses=poses, q=q)
 
 
-def planned_path(sim: Simulation, settings: PlannerConfig, tool_path: Skill) -> tuple[ToolPath, np.ndarray]:
+def planned_path(
+    sim: Simulation, settings: PlannerConfig, tool_path: Skill, *, exact: bool = False
+) -> tuple[ToolPath, np.ndarray]:
     """Return a task's tool path in a simulation's stage and a joint path [pose arm] that follows it; InputError: out of reach.
 
-    Where the arm meets something on all paths that are asked for, the first of the other ways is taken on which it meets nothing.
+    Where the arm meets something on all paths that are asked for, or reaches along none, the first other variant is taken on
+    which it meets nothing; `exact`: none is, nor with a pull law, which is made for one path.
     """
     kin, stage = kinematics(sim.robot), sim.stage
+    only = exact or settings.pull_law is not None
     best: tuple[ToolPath, np.ndarray] | None = None
     failure: InputError | None = None
-    for fraction, slip in VARIANTS[stage.joint.kind][: None if settings.pull_law is None else 1]:
-        path = tool_path(stage, replace(settings, opening=fraction * settings.opening))
-        path = slipping(path, stage.joint, slip)
+    tried: list[ToolPath] = []
+    for variant in [ASKED] if only else variants(stage.joint, stage.grasp, internal=stage.internal):
+        path = variant_path(stage, settings, tool_path, variant)
+        if any(np.array_equal(path.poses, other.poses) for other in tried):
+            continue
+        tried.append(path)
         try:
             paths = joint_paths(kin, stage, path, settings)
         except InputError as error:
             failure = failure or error
             continue
         depth, index = most_clear(stage, sim.robot, paths, path)
-        if best is None or depth <= SLACK:
+        if variant == ASKED or depth <= SLACK:
             best = path, paths[index]
         if depth <= SLACK:
-            if fraction < 1.0:
-                text = "%s: the arm opens %s by %.2f m; by %.2f m it cannot without a collision"
-                _log.warning(text, stage.path, stage.target, fraction * settings.opening, settings.opening)
             break
     if best is None:
         raise failure or AssertionError("a path or a failure")
+    asked, moved = (abs(float(p.q[-1] - p.q[p.grasp])) * stage.lever_arm for p in (tried[0], best[0]))
+    if moved < asked:
+        text = "%s: %s is moved by %.2f m of %.2f m, further the arm meets something"
+        _log.warning(text, stage.path, stage.target, moved, asked)
     return best
+
+
+def variant_path(stage: SimStage, settings: PlannerConfig, tool_path: Skill, variant: tuple[float, float]) -> ToolPath:
+    """Return a task's tool path in a stage with a variant's fractions of the opening and of the handle's turn."""
+    opening, slip = variant
+    path = tool_path(stage, replace(settings, opening=opening * settings.opening))
+    return slipping(path, stage.joint, slip, settings.depth)
 
 
 def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, settings: PlannerConfig) -> np.ndarray:
@@ -294,9 +310,9 @@ def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, settings: Plan
 
 
 def most_clear(stage: SimStage, spec: RobotSpec, paths: np.ndarray, path: ToolPath) -> tuple[float, int]:
-    """Return how deep a joint path [path pose arm] reaches into things [m], and its index.
+    """Return how deep a joint path [path pose arm] reaches into things [m], less than SLACK told as that, and its index.
 
-    That is the first path that meets nothing, else the one that does least.
+    That is the first path that meets nothing, else the one that does least; what is on the way to it does not count as deep.
 
     What it meets itself weighs more than what is on the way to it, which may be led around. The arm turns all joints evenly from
     home to a path's first pose, where nothing may touch; from there on the gripper and the part move together, and the rest of
@@ -310,9 +326,9 @@ def most_clear(stage: SimStage, spec: RobotSpec, paths: np.ndarray, path: ToolPa
         own, _ = still.met(joints, base, part, path.q)
         on_the_way = max(float(start.arm_depth(reach, base).max()), still.shape.self_penetration(reach)[0])
         if max(own, on_the_way) <= SLACK:
-            return max(own, on_the_way), k
+            return own, k
         best = min(best, (max(own, SLACK), on_the_way, k))
-    return max(best[:2]), best[2]
+    return best[0], best[2]
 
 
 def moving_part(stage: SimStage) -> MovingPart:

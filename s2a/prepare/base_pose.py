@@ -18,7 +18,7 @@ from s2a.motion.trajectory import STRAIGHT_APPROACH
 from s2a.prepare.grasp import floor_height, floor_points, heading, lowest_point
 from s2a.robot.collision import SLACK, Penetration, RobotShape, robot_shape
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import HALF_TURN, VARIANTS, opening_coordinate, part_path, slipping, straight
+from s2a.robot.tool_path import ASKED, HALF_TURN, opening_coordinate, part_path, slipping, straight, variants
 from s2a.scan.evidence.surface import FloorConfig, FloorSupport, floor_support
 from s2a.scene.geometry.convex import column, overlap
 from s2a.scene.scene import Mesh, Scene, Vec3
@@ -81,7 +81,7 @@ def find_base(
 
     Inverse kinematics take most of the time: they are asked for many places at once, and for none where the robot starts in
     something. Places whose floor is assumed are tried where none on scanned floor is free, and after them all the other
-    ways to move a part.
+    variants of its path.
     """
     joint, point, shape = scene.joint(target), np.array(grasp.point), robot_shape(robot)
     held = np.array([*grasp.point, *grasp.orientation])
@@ -90,7 +90,7 @@ def find_base(
         end = opening_coordinate(joint, point, opening * config.opening)
         return slipping(part_path(joint, held, config.approach, end), joint, slip).poses
 
-    ways = [poses(*way) for way in VARIANTS[joint.kind][: None if config.search else 1]]
+    asked = poses(*ASKED)
     near = Obstacles.of_scan(scene, point, config.query_radius)
     surroundings = ScannedSurfaces(near, near.without(moving), shape)
     ground = Ground(scene, target, point, near, swept, config, robot)
@@ -102,16 +102,20 @@ def find_base(
         return Follow("", 2, poses, surroundings.meets, seeds, tried=TRIED, clear=1, reach_time=MAX_REACH_TIME)
 
     waiting: set[Stand] = set()
-    for way, assumed in itertools.product(ways, (False, True)):
-        facings, followed = partial(ground.facings, search=search, assumed=assumed), partial(follow, way)
-        for some in _groups(ground.places(), facings, surroundings, way[0], search, followed, waiting):
-            for k, _ in search.followed(some, followed(some)):
-                return _chosen(some[k], _praise(some[k], preferred, search), True, assumed)
+    every = variants(joint, held, internal=grasp.internal) if config.search else [ASKED]
+    for variant, assumed in itertools.product(every, (False, True)):
+        # What is said of a part without a free place is about the path that is asked for.
+        tried, unsure = (search, waiting) if variant == ASKED else (Search(robot, shape.kin), set())
+        path = asked if variant == ASKED else poses(*variant)
+        facings, followed = partial(ground.facings, search=tried, assumed=assumed), partial(follow, path)
+        for some in _groups(ground.places(), facings, surroundings, path[0], tried, followed, unsure):
+            for k, _ in tried.followed(some, followed(some)):
+                return _chosen(some[k], _praise(some[k], preferred, search, variant), True, assumed)
     order = sorted(search.misses.of.values(), key=lambda miss: miss.depth)
     for start in range(0, len(order), CHUNK):
         stands = [miss.stand for miss in order[start : start + CHUNK] if miss.stand is not None]
         unknown = [stand for stand in stands if stand in waiting]
-        reach = dict(zip(unknown, search.paths(unknown, follow(ways[0], unknown)), strict=True)) if unknown else {}
+        reach = dict(zip(unknown, search.paths(unknown, follow(asked, unknown)), strict=True)) if unknown else {}
         for stand in stands:
             if stand not in reach or len(reach[stand]):
                 return _chosen(
@@ -163,11 +167,14 @@ def _facing(stand: Stand) -> np.ndarray:
     return stand.base if stand.facing is None else stand.facing
 
 
-def _praise(stand: Stand, preferred: Stand, search: Search) -> str:
+def _praise(stand: Stand, preferred: Stand, search: Search, variant: tuple[float, float]) -> str:
     """Return why a base was taken, and what was wrong with the preferred place."""
     wrong = [miss for other, miss in search.misses.of.items() if np.array_equal(_facing(other), preferred.base)]
-    instead = f" (not {wrong[0].stand}: {wrong[0].text})" if wrong else ""
-    return f"{stand}; the arm reaches the whole path, start and path are free{instead}"
+    instead = f" (not {wrong[0].stand}: {wrong[0].text})" if wrong and str(wrong[0].stand) != str(stand) else ""
+    opening, slip = variant
+    reached = "the whole path" if opening == 1.0 else f"{100 * opening:.0f} % of the path"
+    turning = ", the handle turning in the gripper" if slip else ""
+    return f"{stand}; the arm reaches {reached}{turning}, start and path are free{instead}"
 
 
 def _chosen(stand: Stand, reason: str, free: bool, assumed_floor: bool) -> BasePose:

@@ -14,12 +14,15 @@ from s2a.scene.scene import Joint
 
 STEP = 0.015  # [m] Distance between neighbouring poses
 TURN = 0.1  # [rad] Largest rotation between neighbouring poses
-# Ways to move a part, tried in this order: fractions of `opening`, and of a hinged part's turn that its handle makes in the
-# gripper. What is asked for, with the gripper fast on the handle; then what a person does in a corner
-VARIANTS = {
-    "revolute": ((1.0, 0.0), (1.0, 0.8), (0.75, 0.8)),
-    "prismatic": ((1.0, 0.0), (0.75, 0.0)),
-}
+# Fractions of `opening`, and of a hinged part's turn that its handle makes in the gripper: what is asked for, with the gripper
+# fast on the handle; then what a person does in a corner
+ASKED = (1.0, 0.0)
+VARIANTS = (ASKED, (1.0, 0.8), (0.75, 0.0), (0.75, 0.8))
+# [rad] Most that a handle turns in the gripper. A Panda's hand, 0.2 m wide and 0.04 m behind a bar 0.038 m before a front,
+# meets the front at 0.7: 0.038 + 0.04 cos - 0.1 sin
+MAX_SLIP = 0.6
+# Cosine of the angle between a handle and its hinge, at least, about which it can turn between two fingers
+PARALLEL = 0.9
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,20 @@ def part_path(
     return ToolPath(matrices(np.array(vectors)), q, len(back) - 1)
 
 
-def slipping(path: ToolPath, joint: Joint, slip: float) -> ToolPath:
+def variants(joint: Joint, grasp: np.ndarray, *, internal: bool) -> list[tuple[float, float]]:
+    """Return those of VARIANTS that serve a part, in the order in which they are tried.
+
+    Args:
+        joint: of the part.
+        grasp: pose of the grasp frame, x along the handle: 7-vector.
+        internal: it is held from within a pocket, in which fingers cannot turn.
+    """
+    along = Rotation.from_quat(grasp[3:]).as_matrix()[:, 0]
+    slips = joint.kind == "revolute" and not internal and abs(along @ np.array(joint.axis)) > PARALLEL
+    return [variant for variant in VARIANTS if slips or variant[1] == 0.0]
+
+
+def slipping(path: ToolPath, joint: Joint, slip: float, depth: float = 0.0) -> ToolPath:
     """Return a tool path on which the handle of a hinged part turns in the gripper.
 
     A closed gripper that turns with a door needs the arm to swing around it; two fingers let a bar turn between them.
@@ -90,15 +106,17 @@ def slipping(path: ToolPath, joint: Joint, slip: float) -> ToolPath:
     Args:
         path: with the gripper fast on its handle.
         joint: of the part.
-        slip: fraction of the part's turn that the gripper does not make.
+        slip: fraction of the part's turn that the gripper does not make, of MAX_SLIP or less.
+        depth: how far the tool frame is past the handle [m].
     """
-    if path.pushes or slip == 0.0:
+    if joint.kind == "prismatic" or path.pushes or slip == 0.0:
         return path
     poses, held = path.poses.copy(), path.grasp
     for k in range(path.grasp, len(poses)):
         held = k if path.q[k] != path.q[k - 1] else held  # the gripper draws back from where the part was moved to
-        back = Rotation.from_rotvec(-slip * (path.q[k] - path.q[path.grasp]) * np.array(joint.axis)).as_matrix()
-        pivot = path.poses[held, :3, 3]
+        angle = np.clip(-slip * (path.q[k] - path.q[path.grasp]), -MAX_SLIP, MAX_SLIP)
+        back = Rotation.from_rotvec(angle * np.array(joint.axis)).as_matrix()
+        pivot = path.poses[held, :3, 3] - depth * path.poses[held, :3, 2]
         poses[k, :3, :3] = back @ path.poses[k, :3, :3]
         poses[k, :3, 3] = pivot + back @ (path.poses[k, :3, 3] - pivot)
     return replace(path, poses=poses)

@@ -11,6 +11,7 @@ from cabinet import box, write_cabinet
 from settings import load
 
 from s2a import robot
+from s2a.core.errors import InputError
 from s2a.motion.open import (
     joint_paths,
     most_clear,
@@ -109,18 +110,47 @@ def test_the_arm_takes_a_path_on_which_the_part_does_not_move_into_it(tmp_path: 
 
 
 def test_a_door_is_opened_another_way_where_the_asked_one_meets_something(tmp_path: Path) -> None:
-    """A post stands where the hand would be that turned with the door all the way."""
-    door = Joint("revolute", (0.0, 0.0, 1.0), (0.31, 0.45, 0.7), (0.0, 1.5))
+    """A post stands where the hand would be that turned with a flap all the way."""
+    door = Joint("revolute", (0.0, -1.0, 0.0), (0.31, 0.0, 1.1), (0.0, 1.5))
     stage = read_stage(write_cabinet(tmp_path / "plain.usda", joint=door))
     plain = Simulation(stage, load(SimConfig, "sim/planner"), 1)
     asked, _ = planned_path(plain, settings(), opening_path)
     np.testing.assert_array_equal(asked.poses, path_of(plain.stage).poses)
-    hand = asked.poses[-1, :3, 3] - 0.12 * asked.poses[-1, :3, 2]
+    hand = asked.poses[-1, :3, 3] - 0.2 * asked.poses[-1, :3, 2]
     post = write_cabinet(tmp_path / "post.usda", joint=door, beside=[box(tuple(hand), (0.02, 0.02, 0.02))])
     blocked = Simulation(read_stage(post), load(SimConfig, "sim/planner"), 1)
     path, arm = planned_path(blocked, settings(), opening_path)
     assert not np.array_equal(path.poses, asked.poses)
     assert most_clear(blocked.stage, PANDA, arm[None], path)[0] <= SLACK
+
+
+def test_a_path_to_which_the_arm_reaches_around_something_is_kept(blocked: tuple[SimStage, np.ndarray]) -> None:
+    stage, _ = blocked
+    path, _ = planned_path(Simulation(stage, load(SimConfig, "sim/planner"), 1), settings(), opening_path)
+    np.testing.assert_array_equal(path.poses, path_of(stage).poses)
+
+
+def test_an_exact_path_is_the_asked_one_whatever_it_meets(tmp_path: Path) -> None:
+    block = box((0.75, 0.0, 0.75), (0.05, 0.3, 0.3))
+    sim = Simulation(
+        read_stage(write_cabinet(tmp_path / "sim.usda", beside=[block])), load(SimConfig, "sim/planner"), 1
+    )
+    path, _ = planned_path(sim, settings(), opening_path, exact=True)
+    np.testing.assert_array_equal(path.poses, path_of(sim.stage).poses)
+
+
+def test_a_path_out_of_reach_is_replaced_only_by_one_that_meets_nothing(tmp_path: Path) -> None:
+    flap = Joint("revolute", (0.0, 1.0, 0.0), (0.31, 0.0, 0.25), (0.0, 1.5))
+    plain = Simulation(
+        read_stage(write_cabinet(tmp_path / "plain.usda", joint=flap)), load(SimConfig, "sim/planner"), 1
+    )
+    path, arm = planned_path(plain, settings(), opening_path)
+    assert most_clear(plain.stage, PANDA, arm[None], path)[0] <= SLACK
+    with pytest.raises(InputError, match="cannot follow"):
+        planned_path(plain, settings(), opening_path, exact=True)
+    block = write_cabinet(tmp_path / "blocked.usda", joint=flap, beside=[box((0.75, 0.0, 0.75), (0.05, 0.3, 0.3))])
+    with pytest.raises(InputError, match="cannot follow"):
+        planned_path(Simulation(read_stage(block), load(SimConfig, "sim/planner"), 1), settings(), opening_path)
 
 
 def test_a_task_that_lets_go_ends_with_open_fingers_off_the_handle(tmp_path: Path) -> None:

@@ -14,7 +14,17 @@ from scipy.spatial.transform import Rotation
 from s2a import robot
 from s2a.robot.kinematics import kinematics
 from s2a.robot.model import add_robot
-from s2a.robot.tool_path import JUMP, follow, opening_coordinate, part_path, slipping, straight
+from s2a.robot.tool_path import (
+    JUMP,
+    MAX_SLIP,
+    VARIANTS,
+    follow,
+    opening_coordinate,
+    part_path,
+    slipping,
+    straight,
+    variants,
+)
 from s2a.scene.scene import Joint
 
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
@@ -85,15 +95,28 @@ def test_a_slipping_handle_stays_in_the_gripper_which_turns_less_than_the_door()
     origin[:3, 3] = HINGE.origin
     retreat = origin @ turn @ np.linalg.inv(origin) @ fast.poses[:count][::-1]
     fast = replace(fast, poses=np.concatenate([fast.poses, retreat]), q=np.append(fast.q, np.full(count, -1.0)))
-    path = slipping(fast, HINGE, 0.8)
+    path = slipping(fast, HINGE, 0.5)
     end = len(path.poses) - count - 1
     np.testing.assert_allclose(path.poses[: end + 1, :3, 3], fast.poses[: end + 1, :3, 3], atol=1e-12)
     np.testing.assert_allclose(path.poses[: count + 1], fast.poses[: count + 1], atol=1e-12)
     turned = Rotation.from_matrix(path.poses[end, :3, :3] @ path.poses[count, :3, :3].T).as_rotvec()
-    assert turned == pytest.approx([0, 0, -0.2], abs=1e-9)
+    assert turned == pytest.approx([0, 0, -0.5], abs=1e-9)
     # It draws back along its own fingers, which is not where the door's front looks.
     np.testing.assert_allclose(path.poses[-1, :3, 3], path.poses[end, :3, 3] - 0.1 * path.poses[end, :3, 2], atol=1e-9)
     assert slipping(fast, HINGE, 0.0) is fast
+    wide = slipping(part_path(HINGE, GRASP, 0.1, -1.5), HINGE, 0.8)
+    turned = Rotation.from_matrix(wide.poses[-1, :3, :3] @ wide.poses[0, :3, :3].T).as_rotvec()
+    assert turned == pytest.approx([0, 0, -1.5 + MAX_SLIP], abs=1e-9), "the hand would meet the front"
+
+
+def test_a_handle_turns_in_the_gripper_only_about_its_hinge() -> None:
+    upright = np.array([0.0, 0.0, 0.5, *Rotation.from_matrix([[0, 0, -1], [0, -1, 0], [-1, 0, 0]]).as_quat()])
+    assert variants(HINGE, upright, internal=False) == list(VARIANTS)
+    fast = [variant for variant in VARIANTS if variant[1] == 0.0]
+    level = np.array([0.0, 0.0, 0.5, *Rotation.from_matrix([[0, 0, -1], [1, 0, 0], [0, -1, 0]]).as_quat()])
+    assert variants(HINGE, level, internal=False) == fast
+    assert variants(HINGE, upright, internal=True) == fast
+    assert variants(SLIDE, upright, internal=False) == fast
 
 
 def test_a_part_is_opened_as_far_as_asked_or_nearly_as_far_as_it_goes() -> None:

@@ -62,7 +62,7 @@ def run(config: Config) -> str:
     stage = read_stage(config.stage, config.part, robot=config.robot.name)
     sim = Simulation(stage, config.sim, 1)
     tool_path = partial(tasks.task(config.task.name).tool_path, config=config.task)
-    target = pulled(sim, *planned_path(sim, config.planner, tool_path), config.offset)
+    target = pulled(sim, *planned_path(sim, config.planner, tool_path, exact=True), config.offset)
     (optimum,), rounds = optimize([target], config.pull)
     with atomic_write(config.out) as out:
         trajectory.write(optimum.law, out)

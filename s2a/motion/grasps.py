@@ -282,8 +282,8 @@ def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:
     return poses.reshape(-1, 4, 4)
 
 
+# [s] of computation after which no plan for an object is looked for any more: where there is one, most take 3 to 15
 PLANNING = 30.0
-"""[s] of computation after which no plan for an object is looked for any more: where there is one, most take 3 to 15."""
 
 
 class GraspCache:

@@ -70,10 +70,17 @@ def read_stage(
     target, spec = free_object(room, part), robots.load(robot or DEFAULT_ROBOT)
     grasps = GraspCache(room.free[target], spec.gripper)
 
+    failures: list[Unreachable] = []
+
     def plan_with(ends: Ends, contact: Contact) -> PickPlan:
         if grasps.late:
-            raise Unreachable(f"{target!r}: no plan after {PLANNING:g} s; give another task.start or task.place")
-        return plan_pick(PickTask(room, target, *ends, motion.approach), spec, contacts=(contact,), grasps=grasps)
+            reason = f"{failures[-1]}; " if failures else f"{target!r}: "
+            raise Unreachable(f"{reason}no plan after {PLANNING:g} s; give another task.start or task.place")
+        try:
+            return plan_pick(PickTask(room, target, *ends, motion.approach), spec, contacts=(contact,), grasps=grasps)
+        except Unreachable as error:
+            failures.append(error)
+            raise
 
     (start, goal), plan = firmest(room, target, spec, lambda: _ends(room, target, config), plan_with)
     return PickStage(**of_object(path, room, target, start, goal, plan, spec, also), start=start, goal=goal, plan=plan)

@@ -131,7 +131,8 @@ class GltfFile:
 def packed(document: dict[str, Any], arrays: Sequence[tuple[np.ndarray, dict[str, Any] | None]]) -> bytes:
     """Return a GLB file (glTF 2.0) from its JSON and the arrays of its buffer views, each with its accessor if it has one."""
     payload, views, accessors = b"", list[dict[str, Any]](), list[dict[str, Any]]()
-    for number, (array, accessor) in enumerate(arrays):
+    for number, (values, accessor) in enumerate(arrays):
+        array = np.ascontiguousarray(values)  # as its bytes are written
         view = {"buffer": 0, "byteOffset": len(payload), "byteLength": array.nbytes}
         # A stride is possible only for what belongs to vertices.
         is_vertices = accessor is not None and accessor["type"] != "SCALAR"

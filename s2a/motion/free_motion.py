@@ -10,8 +10,8 @@ from s2a.core.errors import InputError
 from s2a.robot.tool_path import JOINT_TURN, straight
 
 Free = Callable[[np.ndarray], np.ndarray]  # Joints [pose arm] -> whether each collides with nothing, shape [pose]
-# Joint positions that a search may ask about, and its shortening: counted, so that what it returns does not depend on the speed of
-# a machine
+# Joint positions that a search may ask about, and its shortening: counted, so that what it returns does not depend on the
+# speed of a machine
 CHECKS, SHORTENING = 6000, 1500
 EVERY = 4  # Of so many joint positions along a line one is asked about first, then all others
 

@@ -105,7 +105,7 @@ def find_base(
     every = variants(joint, held, internal=grasp.internal) if config.search else [ASKED]
     for variant, assumed in itertools.product(every, (False, True)):
         # What is said of a part without a free place is about the path that is asked for.
-        tried, unsure = (search, waiting) if variant == ASKED else (Search(robot, shape.kin), set())
+        tried, unsure = (search, waiting) if variant == ASKED else (Search(robot, shape.kin), None)
         path = asked if variant == ASKED else poses(*variant)
         facings, followed = partial(ground.facings, search=tried, assumed=assumed), partial(follow, path)
         for some in _groups(ground.places(), facings, surroundings, path[0], tried, followed, unsure):
@@ -134,12 +134,12 @@ def _groups(
     first: np.ndarray,
     search: Search,
     follow: Callable[[Sequence[Stand]], Follow],
-    waiting: set[Stand],
+    waiting: set[Stand] | None,
 ) -> Iterator[list[Stand]]:
     """Yield bases at which the robot starts clear of all, AT_ONCE places together, the preferred place alone and in any case.
 
     Why others do not serve is noted, of the preferred place also whether the arm reaches from it; `waiting` gets those of which
-    that is not known.
+    that is not known; None: nobody asks.
     """
     hopeful: list[list[Stand]] = []
     for number, place in enumerate(places):
@@ -150,6 +150,8 @@ def _groups(
                 starting.append(stand)
             else:
                 search.misses.note(Miss(1, depth, problem, stand))
+                if waiting is None:
+                    continue
                 if number or stand.turn or len(search.paths([stand], follow([stand]))[0]):
                     waiting.add(stand)
                 else:

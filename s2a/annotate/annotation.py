@@ -18,8 +18,7 @@ from s2a.scan.evidence.front import front
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scan.formats.articulate3d import TYPES
 from s2a.scan.predictions import USUAL_LABEL
-from s2a.scan.rest import UNANNOTATED
-from s2a.scene.scene import Joint, Part, Scene
+from s2a.scene.scene import UNANNOTATED, Joint, Part, Scene
 
 NO_FACES = np.empty(0, np.int64)
 

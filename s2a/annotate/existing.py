@@ -22,8 +22,8 @@ from s2a.scene.scene import Joint
 
 Document = dict[str, Any]
 NOBODY, NEW = -1, -2  # In place of the number of a part
-# Fraction of the rectangle around its corners that a front fills which was cut out as one; its handle is not the
-# front's
+# Fraction of the rectangle around its corners that a front fills which was cut out as one;
+# its handle is not the front's
 FULL = 0.97
 
 

@@ -21,8 +21,8 @@ from s2a.scan.predictions import Prediction
 
 LEVEL, UPRIGHT = 0.9, 0.3  # Vertical component of the normals of level faces, at least, and of upright ones, at most
 THICK = 0.06  # [m] Faces this near to a wall's, floor's or ceiling's plane are its own
-# [m^2] and [m] from which an upright plane is one of the structure: a wall, or a wardrobe's side, which a box fits as
-# well
+# [m^2] and [m] from which an upright plane is one of the structure: a wall, or a wardrobe's side,
+# which a box fits as well
 WALL_AREA, WALL_HEIGHT = 1.2, 1.6
 TURNS = 36  # Azimuths that are tried, over the full circle
 STEP = 0.02  # [m] Bins of the offsets of planes

@@ -33,8 +33,8 @@ CLEARANCE = 0.032  # [m] Between a parametric bar and the front: a finger of the
 RADIUS, POST, KNOB = 0.006, 0.0025, 0.016
 LENGTH = {"bar": 0.128, "lever": 0.11}  # [m] A usual distance between the screws of a bar; a lever's arm
 USUAL: Shape = "bar"  # The shape that a handle most often has which a mesh does not resolve
-# [m] A handle's distance from the side that moves most, its middle's from the ends of that side, and the height of a
-# hand
+# [m] A handle's distance from the side that moves most, its middle's from the ends of that side,
+# and the height of a hand
 INSET, REACH_IN, HAND = 0.05, 0.12, 1.0
 SIDES = 10
 STEEL = (150, 152, 156)

@@ -9,8 +9,8 @@ from s2a.core.check import Check, failed
 S = TypeVar("S")
 C = TypeVar("C")
 Of = Literal["room", "part"]
-# What a check has to pass for: physics would tell of another stage, an image could not be rendered (which includes
-# physics)
+# What a check has to pass for: physics would tell of another stage, an image could not be
+# rendered (which includes physics)
 Need = Literal["nothing", "physics", "images"]
 Question = Callable[[S, C], Check | Iterable[Check]]  # A check: a function of its subject and its bounds
 

@@ -186,8 +186,8 @@ class MujocoWorld:
 FIX = "correct the colliders or the annotated axis and range, then " + PREPARE_AGAIN
 GAIN = 200.0  # [N s/m] How hard the sweep corrects its speed; its force is bounded, so that this is of no consequence
 # [N/m] How fast the sweep's force grows while it is too slow: by 20 N/s at the 1 cm/s with which it ends. Without
-# this, dry friction stops it where GAIN times the speed that is left no longer overcomes it: 6 N, 10 mm before the
-# limit
+# this, dry friction stops it where GAIN times the speed that is left no longer overcomes it: 6 N,
+# 10 mm before the limit
 INTEGRAL = 2000.0
 SLACK = 0.002  # [m] How near to a limit the sweep has to come: limits are soft
 

@@ -306,8 +306,8 @@ def _room(room: SimRoom, part: str, config: FidelityConfig) -> Check:
 
 
 # A doubt that is no failure by itself: why a part cannot be held. Every other doubt about a part is one: it would
-# move as no such part does, or through what was scanned. None is raised by a right annotation of the virtual rooms
-# (experiments/wrong_annotations.py)
+# move as no such part does, or through what was scanned. None is raised by a right annotation of
+# the virtual rooms (experiments/wrong_annotations.py)
 REASON = "handle_relief"
 OWN = "grasp_on_region"  # Asked of the grasp point that the file names (`grasp_frame`), not of the region's mean
 

@@ -16,8 +16,8 @@ from s2a.scene.usd.stage import ROOT, broken_rules, read_attribute, world_points
 
 EXACT = 1e-6  # Largest difference of an exact value and its float32 copy [m or 1]
 NEAR_CENTER = 0.05  # [m] between a free body's frame and its centre of mass; at 5 m a stapler's motion becomes NaN
-# [m] How far the region of a recessed pull may lie behind its grasp site, which is where a tool frame is: behind
-# fingertips
+# [m] How far the region of a recessed pull may lie behind its grasp site, which is where a tool
+# frame is: behind fingertips
 DEEPEST = 0.03
 OPEN = 0.02  # Fraction of its hull's volume that a collider may lack: more is a hole or a dent
 

@@ -25,8 +25,7 @@ from s2a.view.page.room import PageRoom, hue, read
 
 FILE_FACES = 320_000  # Faces that a file of 10 MB has room for, with and without their scanned colours
 
-# [pixel] What a window of 1280 x 800 leaves beside the panel of a page; the room fits into that, and so into wider
-# ones
+# [pixel] What a window of 1280 x 800 leaves beside the panel of a page; the room fits into that, and so into wider ones
 PAGE_IMAGE = (900, 800)
 
 

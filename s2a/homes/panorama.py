@@ -198,8 +198,7 @@ class View:
     scanner: wp.vec3  # where it was taken [m]
     tangents: wp.array  # of the pixel centres along a cube-map face (see `s2a.homes.panorama.pixel_tangents`)
     ranges: wp.array  # of its pixels [m], 0 where nothing returned, shape [pixel]
-    # unit normal towards the scanner, and its product with points of the plane seen from the scanner [m], shape
-    # [pixel]
+    # unit normal towards the scanner, and its product with points of the plane seen from the scanner [m], shape [pixel]
     planes: wp.array
 
 

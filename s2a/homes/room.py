@@ -94,8 +94,7 @@ class Outline:
 
     size: tuple[float, float, float]  # of the bounding rectangle, and the ceiling's height [m]
     notches: tuple[Notch, ...]  # corners that do not belong to the room
-    # index of the wall with a sloped ceiling above it, the wall's height, and how far the slope reaches [m], or
-    # None
+    # index of the wall with a sloped ceiling above it, the wall's height, and how far the slope reaches [m], or None
     slope: tuple[int, float, float] | None = None
 
     @property

@@ -24,8 +24,7 @@ from s2a.scene.usd.sim_stage import GRAVITY
 VERSION = "v3."
 # Features of this name are what was measured; `action`, which has the same joints, is what was commanded
 OBSERVED = "observation."
-# Endings of names by which datasets tell a joint's position from its torque, and what `s2a identify` has in their
-# place
+# Endings of names by which datasets tell a joint's position from its torque, and what `s2a identify` has in their place
 SUFFIXES = {".pos": "", ".torque": "_torque", ".effort": "_torque"}
 # Last words of features whose names are joints, and whose numbers their torques
 TORQUES = ("effort", "efforts", "torque", "torques")

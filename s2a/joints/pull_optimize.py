@@ -20,8 +20,7 @@ from s2a.sim.resistance import engaged
 
 
 STOP = wp.constant(2.0e4)  # [N/m] Of the stop of a closed part
-# [N s/m^2] Of the same, by its depth (Hunt and Crossley's contact, which begins without a jump): nothing bounces off
-# it
+# [N s/m^2] Of the same, by its depth (Hunt and Crossley's contact, which begins without a jump): nothing bounces off it
 STOP_DAMPING = wp.constant(1.0e6)
 
 
@@ -31,8 +30,7 @@ class Arms:
 
     bodies: Bodies  # that are pulled
     dynamics: wp.array2d(dtype=float)  # dynamics.PARAMETERS, shape [world parameter]
-    # of the arm along the path at even places: stiffness [N/m], damping [N s/m], mass [kg], shape [world place]
-    # of vec3
+    # of the arm along the path at even places: stiffness [N/m], damping [N s/m], mass [kg], shape [world place] of vec3
     arm: wp.array2d(dtype=wp.vec3)
     spacing: wp.array(dtype=float)  # between the places [m], shape [world]
 
@@ -195,8 +193,7 @@ class PullConfig:
     time: NotNegative
     energy: NotNegative
     peak: NotNegative
-    # distance from the goal that costs 1, root mean square from the end on [m]. Half a third of what a pull may
-    # miss
+    # distance from the goal that costs 1, root mean square from the end on [m]. Half a third of what a pull may miss
     end: Positive = 0.001
     end_speed: Positive = 0.005  # speed that costs 1, likewise [m/s]
     knots: Count = 16  # coefficients of the set-point's cubic B-spline

@@ -98,8 +98,8 @@ class Pulled:
     body: Moving  # with the stage's mass
     dynamics: tuple[float, ...]  # what resists at its grasp point, as dynamics.PARAMETERS name it
     arm: Arm  # the arm along the part's path
-    # how much farther than predicted an earlier pull of the part ended [m]: a grip off the handle's middle bends
-    # the arm
+    # how much farther than predicted an earlier pull of the part ended [m]: a grip off the handle's
+    # middle bends the arm
     offset: float = 0.0
     # The path leads from the goal's distance to shut, else from shut to the goal; openings are along it
     closing: bool = False

@@ -85,8 +85,8 @@ def _outline(cells: np.ndarray, marked: np.ndarray) -> np.ndarray:
 # Fraction of the open scan that lies on the closed one if both are of one room; 0.90 to 0.95 among virtual pairs
 MIN_OVERLAP = 0.6
 
-# [m] Standard deviation of a whole front's distance between two scans: registration of the panoramas, alignment of
-# the rooms
+# [m] Standard deviation of a whole front's distance between two scans: registration of the panoramas,
+# alignment of the rooms
 OFFSET = 0.001
 
 

@@ -16,12 +16,12 @@ REACHES = (0.025, 0.015, 0.01, 0.006)  # [m] Distances beyond which a match coun
 STEPS = 6  # Gauss-Newton steps at each of them
 SMALL = 1e-6  # [m] or [rad] Step of the central difference
 # [m] Standard deviation of the distance between two scans of one surface, as they lie in one frame: of a front, and
-# of what stands across it, handles and edges, which each scan shows from other sides: 1 to 2.5 mm off, all of a
-# handle alike
+# of what stands across it, handles and edges, which each scan shows from other sides: 1 to 2.5 mm off,
+# all of a handle alike
 NOISE, SIDE_NOISE = 0.002, 0.005
 FLAT = 0.95  # Cosine to the front's normal from which surface is of the front
-# [m] Within which the errors of a scan are one, of fronts and of what stands across them: samples so near tell
-# nothing new
+# [m] Within which the errors of a scan are one, of fronts and of what stands across them:
+# samples so near tell nothing new
 CORRELATION, SIDE_CORRELATION = 0.05, 0.15
 # [rad] Standard deviation of the angle by which a front stands askew to its slide, or its hinge to the front: even
 # gaps, 1 mm over 0.4 m. The shift and the turn of a plain front within its own plane are hardly seen, and with them

@@ -22,8 +22,8 @@ THICK = 0.06  # [m] Largest thickness of a front: how much nearer its back may b
 OWN = 0.02  # [m] A line of sight that ends so near to a part where it stands open is hidden by the part itself
 MIN_ASKED = 0.1  # Fraction of the lines of sight that the part itself does not hide, at least; fewer say nothing
 INSIDE = 0.02  # [m] What an opened front shows lies deeper behind it
-# Fraction of the lines of sight to a front's old place that are free in the open scan, at least; hidden walls have 0
-# to 0.35
+# Fraction of the lines of sight to a front's old place that are free in the open scan, at least;
+# hidden walls have 0 to 0.35
 MIN_GONE = 0.4
 # Fraction of a front behind which the open scan shows room, at least, where the open part hides its old place
 MIN_INSIDE = 0.1
@@ -179,8 +179,8 @@ def before_room(joint: Joint, patch: Patch, closed: OrientedMesh) -> float:
 # Mean cosine between the front's normal and its first motion, at least: parts open towards whoever stands before them
 MIN_OUTWARDS = 0.5
 MIN_HELD = (0.4, 0.6)  # Fraction of a front's border, and of a hinge, that has something near that stands still
-# Fraction of a slide's front before whose old place nothing is nearer than where it slid to; of a front that has room
-# behind
+# Fraction of a slide's front before whose old place nothing is nearer than where it slid to;
+# of a front that has room behind
 MIN_REACHES = 0.5
 MAX_TILT = 0.01  # [rad] Standard deviation of an axis' direction beyond which nothing is proposed
 ROOM = 0.1  # [m] What belongs to a part lies so near to its front: handles

@@ -170,8 +170,7 @@ T = TypeVar("T")
 MAX_WAIT = 60.0  # Before a retry, as an endpoint may ask for [s]
 
 
-# What some models refuse, and the words in which their servers say so; "whole" is an answer that does not come in
-# parts
+# What some models refuse, and the words in which their servers say so; "whole": an answer that comes at once
 REFUSABLE = {
     "response_format": r"response_?format|json_?schema|schema|structured|guided|grammar",
     "max_tokens": r"max_tokens",
@@ -353,9 +352,7 @@ class Chat:
         """Return a response as a dictionary."""
         try:
             body = _gathered(text) if EVENTS.match(text) else json.loads(text)
-            failures = [each.get("error") for each in (body, *(body.get("choices") or [])) if isinstance(each, dict)]
-            if any(failures):
-                reason = _line(str(next(filter(None, failures))))
+            if (reason := _failure(body)) and not any(_content(each.get("message")) for each in _choices(body)[:1]):
                 raise InputError(
                     f"model {self._config.model!r} at {self._client.base_url} failed: {reason}; check llm.model"
                 )
@@ -374,16 +371,9 @@ class Chat:
         """Return what a response says; what is not text is nothing. Tokens that it does not tell are estimated."""
         choice = body["choices"][0]
         message = choice["message"]
-        text, refusal = _text(message.get("content")), message.get("refusal")
+        text, refusal = encodable(_content(message)), message.get("refusal")
         if not refusal and isinstance(message.get("content"), list):
             refusal = "".join(str(part.get("refusal") or "") for part in message["content"] if isinstance(part, dict))
-        calls = message.get("tool_calls")
-        call = message.get("function_call")  # how some servers give an object of a schema
-        if not call and isinstance(calls, list) and len(calls) == 1 and isinstance(calls[0], dict):
-            call = calls[0].get("function")
-        if not text and isinstance(call, dict):
-            text = _text(call.get("arguments"))
-        text = encodable(text)
         thoughts = any(message.get(name) for name in THOUGHT_FIELDS)
         reason, cut = str(choice.get("finish_reason")), ""
         if reason.lower() in ("length", "max_tokens", "model_length", "max_output_tokens"):
@@ -396,6 +386,8 @@ class Chat:
             )
         elif FILTERS.search(reason):
             cut = "was cut by the endpoint's filter; word prompt and label otherwise"
+        elif failure := _failure(body):
+            cut = f"was cut by an error: {failure}; ask again"
         elif not text and isinstance(refusal, str) and refusal:
             cut = f"is a refusal: {_line(refusal)}; word prompt and label otherwise"
         elif not text and thoughts:
@@ -435,6 +427,29 @@ def _gathered(text: bytes) -> dict[str, Any]:
     tools = [{"function": {"arguments": each}} for each in calls.values()]
     choice = {"message": {**message, "tool_calls": tools}, "finish_reason": reason, "error": error}
     return {"choices": [choice], "usage": usage}
+
+
+def _choices(body: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the choices of a response, without what is none."""
+    choices = body.get("choices")
+    return [each for each in choices if isinstance(each, dict)] if isinstance(choices, list) else []
+
+
+def _failure(body: dict[str, Any]) -> str:
+    """Return the error that a response or a choice of it states, as a short line; empty without one."""
+    errors = [each.get("error") for each in (body, *_choices(body))]
+    return _line(str(next(filter(None, errors)))) if any(errors) else ""
+
+
+def _content(message: Any) -> str:
+    """Return the text of a message, or else the arguments of the only tool that it calls; empty without either."""
+    if not isinstance(message, dict):
+        return ""
+    calls = message.get("tool_calls")
+    call = message.get("function_call")  # how some servers give an object of a schema
+    if not call and isinstance(calls, list) and len(calls) == 1 and isinstance(calls[0], dict):
+        call = calls[0].get("function")
+    return _text(message.get("content")) or (_text(call.get("arguments")) if isinstance(call, dict) else "")
 
 
 def _text(content: Any) -> str:

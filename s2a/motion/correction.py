@@ -21,8 +21,8 @@ ITERATIONS, DAMPING = 12, 1e-3  # Of the inverse kinematics: starts are within t
 # Root of the squared errors [m and rad] up to which the arm reaches what corrects a slip or a moved part; else it
 # goes as planned
 REACHED = 5e-3
-# [m, rad] By which an object may be off in the gripper: it may have swung about the pads. What is farther off has
-# fallen
+# [m, rad] By which an object may be off in the gripper: it may have swung about the pads.
+# What is farther off has fallen
 SLIPPED, SWUNG = 0.05, math.radians(60.0)
 # [m, rad] From its start: an object that has rolled farther would be grasped where no collisions were looked for
 ROLLED, TILTED = 0.1, math.radians(40.0)

@@ -20,8 +20,8 @@ from s2a.scene.usd.sim_scene import SimBody, SimRoom
 # Points on the surface that are tried as the first contact; the second number where the first leaves few grasps
 SAMPLES = 250, 2000
 ROLLS = 12  # Approach directions about each closing axis
-# Cosine between closing axis and surface normal down to which a contact holds: 18 degrees, half the friction cone of
-# mu 0.7
+# Cosine between closing axis and surface normal down to which a contact holds: 18 degrees,
+# half the friction cone of mu 0.7
 CONE = 0.95
 # [m] How far the object's axis of contact lies behind the tool frame's origin, towards the gripper body
 DEPTHS = (0.0, -0.006, 0.012)

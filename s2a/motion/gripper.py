@@ -165,8 +165,7 @@ class Contact:
     body_gap: float = 0.0  # least distance of the gripper's body from the object [m], where more than to be clear of it
 
 
-# 5 degrees over half a pad, and a rod of 8 mm. With twice as much a perfume bottle turned by 20 degrees in the
-# gripper
+# 5 degrees over half a pad, and a rod of 8 mm. With twice as much a perfume bottle turned by 20 degrees in the gripper
 FIRM = Contact(0.0007, 0.3, 0.003)
 # A doll's head, a lamp, a tube: their sides recede too much to be FIRM, and what holds lies nearer to one edge of the
 # pads. They may turn in the gripper, as the perfume bottle did; it is that or no plan

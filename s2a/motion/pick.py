@@ -30,8 +30,8 @@ from s2a.sim.world import SimStage
 Plan = TypeVar("Plan")
 Ends = tuple[np.ndarray, np.ndarray]  # Start and place of an object's body frame, 7-vectors, scene frame
 NEIGHBOURS = 0.4  # [m] From start or place: free objects up to there can move
-# [s] In which the arm corrects how an object has slipped in the gripper: a few degrees and millimetres, seldom 20 and
-# 50
+# [s] In which the arm corrects how an object has slipped in the gripper: a few degrees and millimetres,
+# seldom 20 and 50
 ALIGN = 1.0
 
 

@@ -58,8 +58,7 @@ class PickPlan:
     carry: np.ndarray  # from there to above the place
     lower: np.ndarray  # from there to the place
     retreat: np.ndarray  # from there with open fingers, back from the object
-    # from above the grasp back to the point of approach, for an object that was not lifted; None: that is not
-    # free
+    # from above the grasp back to the point of approach, for an object that was not lifted; None: that is not free
     again: np.ndarray | None
     grasp: np.ndarray  # tool frame in the object's body frame when the fingers close, shape [4 4]
     opened: float  # distance of the pads before and after [m]

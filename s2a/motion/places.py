@@ -31,14 +31,13 @@ LEVEL = 0.0015
 FOOT = 0.01  # [m] Above an object's lowest point, up to which it stands on its support
 APART = 0.15  # [m] Least distance of a free spot from where the object stands
 # [m] Between an object on a free spot and everything beside it: room for the gripper from all sides; else half of its
-# width; else an open finger with its clearance, and the arm's error; else what keeps it from touching, for a grasp
-# from above
+# width; else an open finger with its clearance, and the arm's error; else what keeps it from touching,
+# for a grasp from above
 MARGINS = 0.16, 0.08, 0.04, 0.015
 NEARBY = 0.7  # [m] From the other end of the motion, up to which spots come first, however little room is around them
 FAR = 0.9  # [m] Between both ends, seen from above, at most: an arm of 0.855 m stands between them
 HIGH = 1.2  # [m] Between the heights of both ends, at most, likewise
-# Free places that a task plans for, one after the other, until there is a plan; and of them on one of several
-# supports
+# Free places that a task plans for, one after the other, until there is a plan; and of them on one of several supports
 CANDIDATES, OF_ONE = 6, 3
 NEAR = "nearby"  # Stands for free places of what carries the object at the other end, and of what is near that
 GAP = 0.001  # [m] Between an object and its support where it is put down

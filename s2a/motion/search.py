@@ -22,8 +22,8 @@ UNREACHABLE = 10.0  # Depth [m] that stands for a path that the arm cannot follo
 # [m] Heights of what the robot may stand on for an object; handles of wall cabinets and windows ask for more
 PEDESTALS = (0.0, 0.2, 0.4, 0.6)
 DIRECTIONS = 24  # Directions from which the robot may face the object: 14 cm apart, half of what the base is wide
-# [m] Distances besides the robot's own, which are for handles in front of it: where there is little floor, these are
-# left
+# [m] Distances besides the robot's own, which are for handles in front of it:
+# where there is little floor, these are left
 FURTHER = 0.4, 0.8
 BLOCK = 64  # Bases that are looked at together
 IK_SEEDS = 12  # Starts of the inverse kinematics at each base, for a path that the arm follows

@@ -18,8 +18,8 @@ from s2a.robot.tool_path import straight
 from s2a.scene.articulation import transform
 from s2a.scene.scene import Joint
 
-# Joints [pose arm] and by how much all is taken to be thicker [m] -> how deep it reaches into obstacles [m], shape
-# [pose]
+# Joints [pose arm] and by how much all is taken to be thicker [m] -> how deep it reaches into
+# obstacles [m], shape [pose]
 Depth = Callable[[np.ndarray, float], np.ndarray]
 STARTS = 24  # Starts off home that must be free: a joint that is off by 0.125 rad moves the gripper by 10 cm
 HELD_RADIUS = 0.005  # [m] Clearance of the held object's surface

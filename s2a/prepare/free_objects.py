@@ -22,8 +22,7 @@ from s2a.scene.usd.sim_scene import Collider, Mass, SimBody
 
 # [m] How far inside of its foot an object's centre of mass lies at least; less than half the foot's thickness
 STABLE = 0.001
-# Half the angle [rad] in which a foot lies, seen from the centre of mass; its inner end as a fraction of its outer
-# one
+# Half the angle [rad] in which a foot lies, seen from the centre of mass; its inner end as a fraction of its outer one
 WEDGE, INNER = np.radians(25), 0.5
 
 

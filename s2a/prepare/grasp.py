@@ -231,8 +231,7 @@ class Target:
     # surface of each part of its body by id, the target first; nested articulated parts are bodies of their own
     surfaces: dict[str, Mesh]
     carried: Mesh  # surface of all that moves when its joint does, nested articulated parts included
-    # surface of the object that it belongs to, without that of the object's parts; empty if it is an object
-    # itself
+    # surface of the object that it belongs to, without that of the object's parts; empty if it is an object itself
     cabinet: Mesh
 
     @cached_property

@@ -22,8 +22,8 @@ INSET = 0.015  # [m] How far its sides stay behind the edges of the front: the s
 FRONT = 0.02  # [m] Thickness of the front, behind which the box begins
 HEIGHT = 0.7  # Height of the box as a share of the front's
 SHALLOWEST = 0.05  # [m] A box that is less deep is not worth adding
-# [m] What is less deep is the frame of a door or window; what is deeper is no plain box but an L of cabinets, or a
-# table
+# [m] What is less deep is the frame of a door or window; what is deeper is no plain box but an L of
+# cabinets, or a table
 FLATTEST, DEEPEST_FRONT = 0.2, 0.8
 NEAR = 0.02  # [m] A wall counts as scanned, and an end of the furniture as seen, where its surface is so near
 SEEN = 0.5  # Share of a wall above which it was scanned, and of an end's length below which there is none

@@ -18,8 +18,8 @@ from s2a.scene.scene import Joint, Scene
 from s2a.scene.usd.joints import Refinement
 
 STEPS = 50  # Fractions of a move that are tried
-# Where the true axis may be, in standard deviations of two directions, shape [place 2]; evenly spread (Roberts' R2
-# sequence)
+# Where the true axis may be, in standard deviations of two directions, shape [place 2];
+# evenly spread (Roberts' R2 sequence)
 PRIOR_PLACES = norm.ppf((0.5 + np.outer(np.arange(4096), (0.7548776662, 0.5698402910))) % 1.0)
 
 

@@ -107,15 +107,13 @@ def _shared(design: np.ndarray, height: np.ndarray, shape: np.ndarray) -> tuple[
     return likely, plane, squares / (free - 2) * np.linalg.inv(information)  # the variance of a Student's t
 
 
-# [m] To each side of an edge faces tell where it is: two standard deviations of a hasty annotator's border, and the
-# gap
+# [m] To each side of an edge faces tell where it is: two standard deviations of a hasty annotator's border, and the gap
 BAND = 0.03
 FEW = 10  # Faces from which on they tell anything
 BIN = 0.03  # [m] Sections of a border in which its farthest face is looked for
 HEAVIEST = 4.0  # Times the mean area: a face weighs no more, for it is one annotation
 STEEP = 20.0  # [1/m] Logits per metre across a border; less is a mixture over more than the band
-# Variance of labels over that of independent ones: neighbouring faces share a nearest place; checked against true
-# sides
+# Variance of labels over that of independent ones: neighbouring faces share a nearest place; checked against true sides
 SPREAD = 2.0
 END = 0.005  # [m] Standard deviation of the place of a side that is only known from where own faces end
 SKEW = 0.1  # [rad] A border that runs more askew, or may do so, is none

@@ -31,8 +31,8 @@ class RefineConfig:
     parallel: Positive = 0.0035
     # of furniture against gravity [rad]. 0.1 deg; furniture is put up with a spirit level: 1 mm over 0.6 m
     level: Positive = 0.0017
-    # of an axis against its own front [rad]. 0.05 deg; a slide against its own front's normal, a hinge against
-    # its plane
+    # of an axis against its own front [rad]. 0.05 deg; a slide against its own front's normal,
+    # a hinge against its plane
     hang: Positive = 0.0009
     # of a hinge line's distance from the edge, in the front's plane [m]. A hinge turns about the edge of its
     # front, or up to a leaf's thickness within

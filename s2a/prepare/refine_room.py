@@ -30,8 +30,7 @@ from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.articulation import opening_sign
 from s2a.scene.scene import Joint, Scene
 
-# Directions nearer than this are meant to be the same; an axis that errs by more is not refined but wrong (`s2a
-# check`)
+# Directions nearer than this are meant to be the same; an axis that errs by more is not refined but wrong (`s2a check`)
 ALIKE = np.cos(np.radians(10.0))
 # [m] A leaf of furniture is no thicker (16 to 22 mm); about which edge of a thicker lid it turns, nobody can see
 LEAF = 0.022

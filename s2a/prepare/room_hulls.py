@@ -11,7 +11,6 @@ from s2a.core.bounds import AtLeast, Count, CountFromZero, Fraction, NotNegative
 from s2a.core.cache import Arrays, recall
 from s2a.core.progress import track
 from s2a.prepare.grasp import bodies
-from s2a.scan.rest import UNANNOTATED
 from s2a.scene.geometry.convex import (
     APART,
     MARGIN,
@@ -27,7 +26,7 @@ from s2a.scene.geometry.convex import (
 from s2a.scene.geometry.mesh_ops import centroids, keep, normals, weld
 from s2a.scene.geometry.planes import TILT, Plane, find_planes, slabs
 from s2a.scene.geometry.simplify import STRUCTURE_LABELS, DecimateConfig, Decimated, decimate_room, is_structure
-from s2a.scene.scene import Mesh, Part, Scene, pack, unpack
+from s2a.scene.scene import UNANNOTATED, Mesh, Part, Scene, pack, unpack
 from s2a.scene.usd.sim_scene import Collider
 
 GRID = 5  # Points along each side of an object's outline below which a top is looked for

@@ -41,8 +41,7 @@ MIN_FRAMES = 2  # Frames below which nothing is fused
 KINECT = Intrinsics(585.0, 585.0, 320.0, 240.0)
 # Its colour camera: the Kinect's usual one; of RedKitchen, frames agree best in colour at a focal length of 525
 KINECT_COLOR = Intrinsics(525.0, 525.0, 320.0, 240.0)
-# Of depth points to the colour camera [m]: the two lenses' distance, with the sign with which RedKitchen's frames
-# agree
+# Of depth points to the colour camera [m]: the two lenses' distance, with the sign with which RedKitchen's frames agree
 KINECT_OFFSET = (-0.025, 0.0, 0.0)
 
 _LAYOUTS = (

@@ -17,7 +17,7 @@ from s2a.scan.fields import Record
 from s2a.scan.ply import ScanMesh
 from s2a.scene.geometry.convex import components
 from s2a.scene.geometry.mesh_ops import keep, weighted_quantile
-from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.scene import UNANNOTATED, Mesh, Part, Scene
 from s2a.scene.upright_box import silhouette, upright_box
 
 
@@ -124,7 +124,6 @@ def _group(record: Record, segments: np.ndarray, each_its_own: bool) -> Group:
 
 _log = logging.getLogger(__name__)
 
-UNANNOTATED = "unannotated"  # label of the part that takes the faces nobody annotated
 REMOVED = -2  # Owner of faces that annotators marked as artefacts of the reconstruction; no part gets them
 
 

@@ -30,8 +30,8 @@ WEIGHTS = {
     "shelves": -0.5,
 }
 SURE = 0.98  # Confidence from which on a direction is believed for a part of a room
-# Confidence from which on a direction is believed along which a scan is narrow: it may be a strip along a wall on its
-# back
+# Confidence from which on a direction is believed along which a scan is narrow: it may be a strip along a
+# wall on its back
 SURE_OF_STRIP = 0.995
 SURE_OF_WHOLE = 0.7  # Confidence from which on a direction is believed for a closed room
 # Confidence without a doubt where a side of the room is missing: of an open room, and of one closed otherwise

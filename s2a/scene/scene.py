@@ -15,6 +15,8 @@ import numpy as np
 from s2a.core.cache import Arrays
 from s2a.core.errors import InputError
 
+UNANNOTATED = "unannotated"  # label of the part that takes the faces nobody annotated
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:

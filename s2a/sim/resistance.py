@@ -12,8 +12,8 @@ from s2a.scene.articulation import lever_arm, opening_sign
 from s2a.scene.usd.joints import SoftClose
 from s2a.sim.world import SimStage, axis_of
 
-# [m/s] From rest, where it is greatest, dry friction falls to that in motion: exp(-(v / STRIBECK)^2), v at the grasp
-# point
+# [m/s] From rest, where it is greatest, dry friction falls to that in motion: exp(-(v / STRIBECK)^2),
+# v at the grasp point
 STRIBECK = wp.constant(0.05)
 EDGE = wp.constant(0.25)  # Fraction of a soft close's reach over which its force and damping set in
 INDICES = ("world", "coord", "dof", "solver_dof")  # Of Resisting, what are integers

@@ -37,8 +37,7 @@ class SoftConfig:
 
     shape: SoftShape = SoftShape()  # of the body
     density: Positive = 100.0  # [kg/m^3]. 29 g; a plush toy of that size weighs 30 to 60 g
-    # the material's modulus mu [Pa]. As foam rubber; with 30000 the fingers press the torso to a third of its
-    # width
+    # the material's modulus mu [Pa]. As foam rubber; with 30000 the fingers press the torso to a third of its width
     shear: Positive = 50000.0
     bulk: Positive = 50000.0  # its modulus lambda [Pa]
     damping: NotNegative = 1.0  # of its deformation [Pa s]
@@ -57,8 +56,7 @@ class SoftConfig:
     iterations: Count = 5  # of VBD in a substep
     arm_iterations: Count = 20  # of MuJoCo's solver and of its line search
     grip_stiffness: Positive = 2000.0  # position gain of the finger joints [N/m]. As the robot's own
-    # with which each finger presses at most [N]. Thirty times the bear's weight; the robot's own 70 N would
-    # flatten it
+    # with which each finger presses at most [N]. Thirty times the bear's weight; the robot's own 70 N would flatten it
     grip_force: Positive = 10.0
 
 

@@ -126,8 +126,7 @@ class SimStage:
     # what was made of camera frames of the part (`s2a.tasks.mdp.seen`), of which a policy is told one in each
     # episode, shape [frame number]; None: it is told the truth
     estimates: np.ndarray | None = field(default=None, repr=False)
-    # pose of the tool, closed, in which it pushes the part instead of holding it, at joint zero, 7-vector, scene
-    # frame
+    # pose of the tool, closed, in which it pushes the part instead of holding it, at joint zero, 7-vector, scene frame
     push: np.ndarray | None = None
     internal: bool = False  # the gripper holds the region from within, by opening
     room: SimRoom = field(kw_only=True, repr=False)  # all of the file but its visuals

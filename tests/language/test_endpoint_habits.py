@@ -150,6 +150,18 @@ HABITS = {
         (with_choice(finish_reason="error", error={"message": "Provider died"}, message={"content": ANSWER[:9]}),),
         "Provider died",
     ),
+    "an error beside an answer": Habit((Said(b'{"error": {"message": "late"}, ' + message(ANSWER).body[1:]),)),
+    "an error of a choice with an answer": Habit((with_choice(error={"message": "late"}),)),
+    "an error beside a tool's call": Habit(
+        (with_choice(error={"message": "late"}, message={"content": None, "tool_calls": [CALL]}),)
+    ),
+    "an error beside half an answer": Habit(
+        (Said(b'{"error": {"message": "Provider died"}, ' + message(ANSWER[:9]).body[1:]),), "cut by an error.*died"
+    ),
+    "an error without an answer": Habit(
+        (with_choice(error={"message": "Provider died"}, message={"content": ""}),), "failed:.*Provider died"
+    ),
+    "an error after an answer in a stream": Habit((streamed({"content": ANSWER}, error={"message": "overloaded"}),)),
     "an error in a stream": Habit((streamed({"content": ANSWER[:9]}, error={"message": "overloaded"}),), "overloaded"),
     "a call in a stream": Habit((streamed(call(ANSWER[:9]), call(ANSWER[9:])),)),
     "a refusal in a stream": Habit((streamed({"refusal": "I can"}, {"refusal": "not."}),), "a refusal: I cannot"),

@@ -179,3 +179,23 @@ def test_objects_say_what_carries_holds_and_touches_them(tmp_path: Path) -> None
     assert said["desk_3"].touches == said["clock_7"].touches == ("wall_2",)
     assert said["lamp_6"].beside == ("tray_4",)
     assert said["mug_5"].touches == ()
+
+
+def test_small_things_in_a_large_shelf_and_at_a_large_wall_are_related_to_it() -> None:
+    boards = merge([box((2.0, 1.0, z), (4.0, 2.0, 0.02)) for z in (0.5, 1.0)])
+    parts = {
+        "shelf_1": Part("shelf", boards),
+        "cube_2": Part("cube", box((0.04, 0.04, 0.535), (0.05, 0.05, 0.05))),  # in a corner: no board all around it
+        "cube_3": Part("cube", box((0.04, 0.04, 1.035), (0.05, 0.05, 0.05))),
+        "wall_4": Part("wall", box((2.0, 2.06, 1.5), (12.0, 0.1, 3.0))),
+        "cube_5": Part("cube", box((1.0, 1.97, 1.035), (0.05, 0.05, 0.05))),
+        "cube_6": Part("cube", box((1.0, 1.8, 1.035), (0.05, 0.05, 0.05))),
+    }
+    related = descriptive.relations(Scene("room", parts))
+    assert {i: one.inside for i, one in related.items() if one.on == "shelf_1"} == {
+        "cube_2": "shelf_1",
+        "cube_3": None,
+        "cube_5": None,
+        "cube_6": None,
+    }
+    assert [i for i, one in related.items() if i != "shelf_1" and one.touches] == ["cube_5"]

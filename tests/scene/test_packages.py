@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import usd_room
 from cabinet import write_cabinet
-from pxr import UsdUtils
+from pxr import Sdf, Usd, UsdShade, UsdUtils
 
 from s2a.commands import cli
 from s2a.core.errors import InputError
@@ -82,3 +83,20 @@ def test_a_name_from_a_file_is_text_in_the_page(tmp_path: Path) -> None:
     text = (tmp_path / "room.html").read_text(encoding="utf-8")
     assert "<script>alert(1)" not in text
     assert "<title>&lt;/title&gt;&lt;script&gt;alert(1)&lt;/script&gt;&amp;amp;</title>" in text
+
+
+def test_an_image_is_no_part_of_the_hash_of_a_stage_or_its_package(tmp_path: Path) -> None:
+    stage, package = write_cabinet(tmp_path / "sim.usda"), tmp_path / "sim.usdz"
+    (tmp_path / "paint.png").write_bytes(b"an image")
+    layer = Sdf.Layer.FindOrOpen(str(stage))
+    layer.Reload(force=True)
+    scene = Usd.Stage.Open(layer)
+    shader = UsdShade.Shader.Define(scene, "/scene/paint")
+    shader.CreateIdAttr("UsdUVTexture")
+    shader.CreateInput("file", Sdf.ValueTypeNames.Asset).Set("./paint.png")
+    layer.Save()
+    stamp.write_stamp(stage, {"drawer_2": True})
+    assert UsdUtils.CreateNewUsdzPackage(str(stage), str(package))
+    assert any(name.endswith(".png") for name in zipfile.ZipFile(package).namelist())
+    verdict = stamp.read_stamp(package)
+    assert verdict is not None and verdict.valid and verdict == stamp.read_stamp(stage)

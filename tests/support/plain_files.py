@@ -412,14 +412,36 @@ def _rare_others() -> list[Feature]:
     polypaint = text(f"#MRGB ffff0000ffff0000ffff0000ffff0000\n{lines}\nf 1 2 3 4\n")
     called = text(f"{lines}\nf 1 2 3 4\ncall more.obj\n", {"more.obj": b"v 0 0 0"})
     absent = obj("mtllib a.mtl\nusemtl nowhere", "newmtl red\nKd 1 0 0")
+    lamp = "newmtl lamp\nKd 3 3 3\n"
     capitals = text(("solid a\n" + facets() + "endsolid a\n").upper().replace("VERTEX ", "VERTEX\t"))
     empty = text("solid a\nendsolid a\nsolid b\n" + facets() + "endsolid b\n")
     return [
         *(feature(TEXTURES, "moved coordinates", "OBJ", write, colors=(BLUE,)) for write in moved),
-        feature(COLORS, "material, 8 bits", "OBJ", obj(USE, "newmtl red\nKd 128 51 26"), colors=(SHOWN,)),
+        feature(
+            COLORS,
+            "material, 8 bits",
+            "OBJ",
+            obj(USE, "newmtl red\nKd 128 51 26"),
+            colors=(SHOWN,),
+            warned=("levels of 255",),
+        ),
+        feature(
+            COLORS,
+            "material beside a lamp above 1",
+            "OBJ",
+            obj(USE, lamp + "newmtl red\nKd 0.5 0.2 0.1"),
+            colors=((128, 51, 26),),
+        ),
+        feature(
+            COLORS,
+            "material beside a lamp above 1",
+            "OBJ",
+            obj("mtllib a.mtl\nusemtl lamp", lamp + "newmtl red\nKd 0.5 0.2 0.1"),
+            colors=((255, 255, 255),),
+        ),
         feature(COLORS, "missing material", "OBJ", absent, colors=(GREY,), warned=("nowhere",)),
         feature(COLORS, "ZBrush's polypaint", "OBJ", polypaint, colors=(GREY,), warned=("1 lines", "polypaint")),
-        feature(GEOMETRY, "files that are called", "OBJ", called, warned=("1 files",)),
+        feature(GEOMETRY, "OBJ `call` statements", "OBJ", called, warned=("1 call statements",)),
         feature(GEOMETRY, "indices from the end", "OBJ", text(groups), facing=UP),
         feature(COLORS, "materials of faces", "PLY", _material_list, colors=(SHOWN,)),
         feature(GEOMETRY, "strips and fans", "PLY", _empty_faces),

@@ -52,8 +52,8 @@ SEEN = 0.5  # Probability from which on a cell is a front's, or a handle's
 AGREES = 0.5  # Intersection over union of two cells' rectangles from which on they are of one front
 NEAR = 0.05  # [m] A cell's word on a side counts half as much at this distance as beside it: what is near is seen well
 THIN = 1e-3  # [m] A cell is farther from each side of its front: a rectangle has an area
-# A handle this far from the middle of a door, as a fraction of its width, tells its hinge more surely than the door
-# does
+# A handle this far from the middle of a door, as a fraction of its width, tells its hinge more surely
+# than the door does
 BESIDE = 0.2
 SCANNED = 0.5  # Fraction of a column or a row of cells at a front's side that holds surface of its plane, at least
 # [m] Narrowest leaf of a pair, widest single door of a cabinet, widest pair without visible frames, and its height at

@@ -17,8 +17,8 @@ OPENS = frozenset(
     "cabinet cabinetry cupboard dresser drawer wardrobe armoire closet nightstand sideboard commode credenza locker safe "
     "refrigerator fridge freezer oven stove dishwasher microwave washer washing dryer copier printer bedside vanity door".split()
 )
-# Words of labels on whose surfaces no front is: seats, beds, sanitary ware, textiles, the structure, and what hangs
-# on it
+# Words of labels on whose surfaces no front is: seats, beds, sanitary ware, textiles, the structure,
+# and what hangs on it
 CLOSED = frozenset(
     "couch sofa armchair chair stool ottoman bench bed mattress pillow cushion blanket toilet bathtub bidet urinal sink curtain "
     "drape blind wall floor ceiling column pillar beam carpet rug mat towel clothes picture painting poster whiteboard "

@@ -31,8 +31,8 @@ class ProposeConfig:
     min_score: Fraction
 
 
-# [m] Median edge of the coarsest meshes for which `layer` holds, those of phones; longer ones smear planes by as much
-# more
+# [m] Median edge of the coarsest meshes for which `layer` holds, those of phones;
+# longer ones smear planes by as much more
 FINE = 0.03
 UPRIGHT = 0.35  # Largest vertical component of an upright face's normal: scans are rough
 BINS = 360  # Of the azimuths of normals

@@ -21,8 +21,8 @@ from s2a.sim.solver import SimConfig
 
 FILE, PAIRS = "room.urdf", "room.srdf"
 WORLD = "world"  # Name of the root link, by which PyBullet knows that it does not move
-# URDF requires limits of a joint's motor [N or N m] and speed [m/s or rad/s]; no furniture has them, and these limit
-# nothing
+# URDF requires limits of a joint's motor [N or N m] and speed [m/s or rad/s]; no furniture has them,
+# and these limit nothing
 EFFORT, VELOCITY = "1000", "10"
 
 Element = ElementTree.Element

@@ -106,8 +106,7 @@ PROPERTIES = frozenset(
     "name path pathString real imaginary specifier typeName default referenceList prependedItems".split()
 )
 
-# Methods that give numbers, or vectors, quaternions and matrices, whatever they are called on: no text or list has
-# them
+# Methods that give numbers, or vectors, quaternions and matrices, whatever they are called on: no text or list has them
 NUMERIC = frozenset(
     "SetScale SetRotate SetTranslate SetRotateOnly SetTranslateOnly SetIdentity SetDiagonal SetRow SetRow3 GetInverse "
     "GetTranspose GetNormalized Normalize GetReal GetImaginary GetAngle GetAxis GetLength GetQuat GetQuaternion "

@@ -33,8 +33,8 @@ class Images:
 
     path: Path  # of it
     frames: int  # how many
-    # of a ColourVideo: min, max, mean, std and quantiles of its channels in [0, 1], shape [3 1 1], and the number
-    # of frames
+    # of a ColourVideo: min, max, mean, std and quantiles of its channels in [0, 1], shape [3 1 1],
+    # and the number of frames
     stats: dict[str, Any] = field(default_factory=dict)
     lengths: tuple[int, ...] = ()  # of a DeflatedImages: bytes of each frame
 

@@ -78,8 +78,7 @@ def _angle(axis: np.ndarray, directions: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(np.abs(axis @ directions).max(), 0.0, 1.0))))
 
 
-# A front counts as round whose outline fills less of its rectangle (a disc fills pi / 4, one with ragged corners
-# 0.92)
+# A front counts as round whose outline fills less of its rectangle (a disc fills pi / 4, one with ragged corners 0.92)
 ROUND = 0.87
 UP = np.array([0.0, 0.0, 1.0])
 UPRIGHT = 0.7  # Cosine between a front's normal and the vertical up to which the front stands rather than lies

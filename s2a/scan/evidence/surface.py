@@ -150,8 +150,8 @@ RING = 8  # Places around the base's middle where the floor is looked for, besid
 # Directions in which floor is looked for around a hole, how far from the base's middle, and in which steps [m]
 SIDES, HOLE_REACH, STEP = 16, 1.0, 0.05
 MIN_ENCLOSED = 10  # Sides on which floor or something upright must be seen; the others may show nothing
-# [m] Over a hole that counts as floor nothing is up to here above it: a bed or a couch hides floor, and a table
-# shades it
+# [m] Over a hole that counts as floor nothing is up to here above it: a bed or a couch hides floor,
+# and a table shades it
 HEADROOM = 2.0
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from s2a.scan import folder, ply, rest
-from s2a.scene.scene import Scene
+from s2a.scene.scene import UNANNOTATED, Scene
 
 _log = logging.getLogger(__name__)
 
@@ -30,6 +30,6 @@ def read(path: Path) -> Scene:
     files = folder.find_bare(path)
     surface = ply.read(files.mesh)
     scene = rest.scene(files.name, surface, np.full(len(surface.faces), -1), {}, {}, {}, files.segments)
-    if [part.label for part in scene.parts.values()] == [rest.UNANNOTATED]:
-        _log.warning("%s: nothing is annotated; the whole room is one static part %r", files.mesh, rest.UNANNOTATED)
+    if [part.label for part in scene.parts.values()] == [UNANNOTATED]:
+        _log.warning("%s: nothing is annotated; the whole room is one static part %r", files.mesh, UNANNOTATED)
     return scene

@@ -134,8 +134,7 @@ def _library(mesh: Path, file: Path) -> dict[str, Painted]:
             textured.add(current)
         elif key == "map_d" or (key in _OPAQUE and _is_number(words[-1]) and float(words[-1]) != _OPAQUE[key]):
             transparent.add(current)
-    # Some programs write levels of 255, which all colours of a library show together.
-    for name, levels in zip(shown, fractions(np.array(list(shown.values()))), strict=True):
+    for name, levels in zip(shown, _fractions(mesh, file, np.array(list(shown.values()))), strict=True):
         if name not in textured:
             materials[name] = Painted(Material(to_linear(levels).astype(np.float64)), np.ones(2), np.zeros(2))
     if transparent:
@@ -144,6 +143,17 @@ def _library(mesh: Path, file: Path) -> dict[str, Painted]:
         text = "%s: %s: no colour (Kd, map_Kd) is stated by the material %s; its faces become grey"
         _log.warning(text, mesh, file.name, ", ".join(list(plain)[:4]))
     return materials
+
+
+def _fractions(mesh: Path, file: Path, values: np.ndarray) -> np.ndarray:
+    """Return the `Kd` of a library as fractions of the brightest; a warning if they are levels of 255.
+
+    Levels are whole, all of them; a number above 1 beside fractions is a lamp's.
+    """
+    if values.max(initial=0.0) <= 2 or (values % 1 != 0).any():
+        return values.clip(0.0, 1.0)
+    _log.warning("%s: %s: its colours (Kd) are read as levels of 255", mesh, file.name)
+    return values / 255
 
 
 def _color(mesh: Path, file: Path, line: str) -> np.ndarray | None:
@@ -208,7 +218,7 @@ NAME = "OBJ"
 ENDINGS = (".obj",)
 NO_COORDINATE = -2  # Texture coordinate of a corner that names one which does not exist
 # Elements that are left out, with a warning
-LOST = {"l": "lines", "p": "points", "curv": "curves", "surf": "free-form surfaces", "call": "files that it calls"}
+LOST = {"l": "lines", "p": "points", "curv": "curves", "surf": "free-form surfaces", "call": "call statements"}
 POLYPAINT = "#MRGB"  # Begins the comments in which ZBrush writes colours of vertices
 
 

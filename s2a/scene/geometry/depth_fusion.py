@@ -32,8 +32,7 @@ class Image:
     pose: np.ndarray  # camera to world, x right, y down, z forward, shape [4 4]
     camera: tuple[float, float, float, float]  # focal lengths and centre of the depth image [pixel]: fx, fy, cx, cy
     color_camera: tuple[float, float, float, float]  # those of the colour image
-    # transform from the depth camera's coordinates to the colour camera's, shape [4 4]; None where one camera saw
-    # both
+    # transform from the depth camera's coordinates to the colour camera's, shape [4 4]; None where one camera saw both
     color_from_depth: np.ndarray | None = None
 
 

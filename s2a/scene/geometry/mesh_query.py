@@ -200,8 +200,8 @@ def visible_distance(
 
 SOLID = 0.55  # Winding number from which a point counts as inside; just behind an open sheet it is 0.5
 
-# Warp's test takes volumes below 1e-6 for zero: in metres it would see triangles of a scan touch that are millimetres
-# apart
+# Warp's test takes volumes below 1e-6 for zero: in metres it would see triangles of a scan touch
+# that are millimetres apart
 SCALE = wp.constant(1.0e4)
 
 

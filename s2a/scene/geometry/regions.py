@@ -16,8 +16,8 @@ from s2a.scene.geometry.planes import Plane, find_planes, plane_axes
 from s2a.scene.scene import Mesh
 
 UP = np.array([0.0, 0.0, 1.0])
-# Faces whose own normal is tilted by more than 60° are excluded from the smoothing, which would soften the edges of
-# steps
+# Faces whose own normal is tilted by more than 60° are excluded from the smoothing,
+# which would soften the edges of steps
 ROUGH = 0.5
 
 
@@ -151,8 +151,7 @@ class Region:
     origin: np.ndarray  # corner of cell (0, 0) on the plane [m], shape [3]
     cell: float  # width of a cell [m]
     support: np.ndarray  # cells of the region, shape [row column]
-    # clearance along the normal over each cell [m], 0 where occupied, at most the search height, shape [row
-    # column]
+    # clearance along the normal over each cell [m], 0 where occupied, at most the search height, shape [row column]
     clearances: np.ndarray
     rim_fraction: float  # fraction of the border at which the target rises: about 1 in a basin or a tray, 0 on a table
     min_clearance: float  # clearance from which a cell is free [m]

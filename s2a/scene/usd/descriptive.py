@@ -12,7 +12,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from s2a.core.errors import InputError
-from s2a.scene.scene import Joint, Mesh, Part, Scene, Vec3
+from s2a.scene.scene import UNANNOTATED, Joint, Mesh, Part, Scene, Vec3
 from s2a.scene.upright_box import Box, silhouette, upright_box
 from s2a.scene.usd.joints import KINDS, site_point
 from s2a.scene.usd.stage import ROOT, check_ids, new_stage, open_stage, read_attribute, reading, save, write_attribute
@@ -55,8 +55,12 @@ class DescribedPart:
 TOUCH, BESIDE = 0.04, 0.4
 # Width of the ring around a foot [m]: what stands somewhere hides its support from the scanner
 RING = 0.04
-# Points of a foot, and of a surface, that are looked at
-FEET, POINTS = 40, 2000
+# Points of a foot, and of a surface, that are looked at: so many at least, and so many a square metre
+FEET, POINTS, DENSITY = 40, 2000, 1000
+# So many points of a surface are there by more than a few faces of a wrong label
+HITS = 5
+# A board is above what it covers so much of, seen at COVER x COVER places
+ABOVE, COVER = 0.2, 5
 # Neighbours that are named, and of eight directions those in which something rises around what is inside
 NEIGHBOURS, ROUND = 3, 6
 
@@ -104,7 +108,7 @@ def _own(scene: Scene) -> list[str]:
 
 
 def _is_structure(label: str) -> bool:
-    return label.lower() in ("floor", "ceiling", "unannotated") or label.lower().endswith("wall")
+    return label.lower() in ("floor", "ceiling", UNANNOTATED) or label.lower().endswith("wall")
 
 
 def _meets(mesh: Mesh, other: Mesh) -> bool:
@@ -132,7 +136,7 @@ def _carrier(scene: Scene, part_id: str, solid: dict[str, Mesh]) -> str | None:
     for other, surface in solid.items():
         owner = (scene.ancestors(other) or [other])[-1]
         label = scene.parts[owner].label.lower()
-        if owner == part_id or isinstance(scene.parts[owner].motion, Joint) or label == "unannotated":
+        if owner == part_id or isinstance(scene.parts[owner].motion, Joint) or label == UNANNOTATED:
             continue
         near = _triangles(surface, *corners)
         if len(near) and not label.endswith("wall"):
@@ -148,8 +152,9 @@ def _carrier(scene: Scene, part_id: str, solid: dict[str, Mesh]) -> str | None:
 def _points(mesh: Mesh) -> np.ndarray:
     """Return points spread over a surface by area [m], shape [point 3]."""
     random, areas = np.random.default_rng(0), mesh.face_areas + 1e-12
-    chosen = random.choice(len(mesh.faces), POINTS, p=areas / areas.sum())
-    u, v = np.sort(random.random((2, POINTS)), axis=0)
+    count = max(POINTS, int(DENSITY * areas.sum()))
+    chosen = random.choice(len(mesh.faces), count, p=areas / areas.sum())
+    u, v = np.sort(random.random((2, count)), axis=0)
     corners = mesh.vertices[mesh.faces[chosen]].astype(np.float64)
     return np.einsum("pk,pkd->pd", np.stack([u, v - u, 1 - v], axis=1), corners)
 
@@ -183,11 +188,14 @@ def _is_inside(
     if carrier is None or carrier not in points or _is_structure(scene.parts[carrier].label):
         return False
     (low, high), holder = solid[part_id].bounds.astype(float), points[carrier]
-    middle = (low + high) / 2
-    above = (np.abs(holder[:, :2] - middle[:2]) <= (high - low)[:2] / 2).all(axis=1) & (holder[:, 2] > high[2] + TOUCH)
+    middle, top = (low + high) / 2, float(solid[carrier].bounds[1, 2]) + TOUCH
+    boards = _triangles(solid[carrier], np.array([*low[:2], high[2] + TOUCH]), np.array([*high[:2], top]))
+    steps = (np.arange(COVER) + 0.5) / COVER
+    places = low[:2] + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * (high - low)[:2]
+    above, _ = _covered(places, boards, high[2] + TOUCH, top)
     around = holder[holder[:, 2] > low[2] + min(0.05, 0.5 * (high - low)[2])] - middle
     sectors = np.floor(np.arctan2(around[:, 1], around[:, 0]) / (np.pi / 4)).astype(int)
-    return bool(above.sum() >= 2 or len(np.unique(sectors % 8)) >= ROUND)
+    return bool(above >= ABOVE or (np.bincount(sectors % 8) >= HITS).sum() >= ROUND)
 
 
 def _from(box: Box, points: np.ndarray) -> np.ndarray:
@@ -206,7 +214,7 @@ def _gap(box: Box, points: np.ndarray) -> float:
 def _touches(box: Box, points: np.ndarray) -> bool:
     """Return True if a box has several points of a surface at its sides, at a height between its own."""
     off = _from(box, points)
-    return bool(((off[:, 2] == 0.0) & (np.linalg.norm(off[:, :2], axis=1) <= 1.5 * TOUCH)).sum() >= 5)
+    return bool(((off[:, 2] == 0.0) & (np.linalg.norm(off[:, :2], axis=1) <= 1.5 * TOUCH)).sum() >= HITS)
 
 
 def write(scene: Scene, path: Path) -> None:

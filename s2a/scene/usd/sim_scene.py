@@ -66,8 +66,7 @@ class Grasp:
     size: Vec3  # extent of the region along x, y, z of that frame [m]
     region: Mesh  # the annotated surface, as scanned
     # the fingers go in closed and hold the region from within, by opening: a recessed pull. Then the point is
-    # where the tool frame is while the fingertips are just before the pocket's floor, and size is that of the
-    # pocket
+    # where the tool frame is while the fingertips are just before the pocket's floor, and size is that of the pocket
     internal: bool = False
 
 

@@ -29,6 +29,7 @@ def files(path: Path) -> list[Path]:
     return [path, *sorted(others - {Path(os.path.realpath(path))})]
 
 
+LAYERS = (".usd", ".usda", ".usdc", PACKAGE)  # endings; what else is in a package is images
 KEY = "s2a:validation"  # In the root layer's customLayerData
 
 
@@ -50,12 +51,12 @@ def content_hash(path: Path) -> str:
 
 
 def _others(path: Path) -> Iterator[bytes]:
-    """Yield what the files of a stage hold beside its own layer; those of a package are in it."""
+    """Yield what the layers of a stage beside its own hold; those of a package are in it."""
     if path.suffix.lower() != PACKAGE:
         yield from (file.read_bytes() for file in files(path)[1:])
         return
     with zipfile.ZipFile(path) as package:
-        yield from (package.read(name) for name in sorted(package.namelist()[1:]))
+        yield from (package.read(name) for name in sorted(package.namelist()[1:]) if name.lower().endswith(LAYERS))
 
 
 def require_stampable(path: Path) -> None:

@@ -14,8 +14,8 @@ from s2a.tasks.state import EstimatedPart, State, World, finger_position, sense
 
 NUMBERS = 21  # Length of a description as a vector
 DIRECTIONS = (3, 6, 9, 12)  # Where in it across, inwards, axis and along begin
-# Of the two directions across a handle, which differ by half a turn of the gripper, the one that points this way is
-# taken
+# Of the two directions across a handle, which differ by half a turn of the gripper,
+# the one that points this way is taken
 SIDEWAYS = np.array([0.0, 0.3, 1.0])
 
 

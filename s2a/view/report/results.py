@@ -125,8 +125,8 @@ def _interval(value: Mapping[str, Any]) -> tuple[Markup, Markup]:
 
 
 MAX_ROWS = 500
-# Columns of an insertion's table: how many have the right size, collide with nothing, stay, and leave all parts free
-# to open
+# Columns of an insertion's table: how many have the right size, collide with nothing, stay,
+# and leave all parts free to open
 COUNTS = ("scale", "free", "stable", "openings")
 # Table of insertions in "From Scan to Action", Halacheva et al., CVPR Workshops 2025; Wilson interval of 80 of 100
 PAPER = dict(category="the paper's own scans", method="as published", n=100, success=80, low=0.711, high=0.867)

@@ -15,8 +15,7 @@ from s2a.core.errors import InputError
 from s2a.scan import fields, labels
 from s2a.scan.fields import Record
 from s2a.scan.ply import ScanMesh
-from s2a.scene.geometry.convex import components
-from s2a.scene.geometry.mesh_ops import keep, weighted_quantile
+from s2a.scene.geometry.mesh_ops import components, keep, weighted_quantile
 from s2a.scene.scene import UNANNOTATED, Mesh, Part, Scene
 from s2a.scene.upright_box import silhouette, upright_box
 

@@ -146,7 +146,8 @@ def test_the_reader_finds_the_parts_of_the_truth(coarse: Path, truth: Scene) -> 
         found, part = read.part(part_id), truth.part(part_id)
         assert (found.label, found.parent, found.graspable) == (part.label, part.parent, part.graspable)
     # Of other objects those are missing that no scanner saw, and with them numbers.
-    others = Counter(part.label for i, part in read.parts.items() if i not in jointed)
+    # What lies far from the rest of an object belongs to none.
+    others = Counter(part.label for i, part in read.parts.items() if i not in jointed and part.label != "unannotated")
     assert len(jointed) > 20 and others < Counter(part.label for i, part in truth.parts.items() if i not in jointed)
 
 

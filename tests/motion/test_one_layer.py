@@ -25,7 +25,7 @@ def test_the_approach_is_written_once() -> None:
         path for path in config.folder().rglob("*.yaml") if re.search(r"^\s*approach: ", path.read_text(), re.M)
     ]
     assert files_with(r"(?m)^STRAIGHT_APPROACH = ") == ["trajectory.py"]
-    assert files_with(r"(?m)^    approach: Positive = (?!STRAIGHT_APPROACH$)") == []
+    assert files_with(r"(?m)^    approach: Positive = (?!STRAIGHT_APPROACH\b)") == []
 
 
 def test_joint_paths_from_many_bases_are_asked_for_by_one_search() -> None:

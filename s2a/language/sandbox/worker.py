@@ -266,6 +266,8 @@ def execute(script: str, names: dict[str, str]) -> dict[str, Any]:
 def preload() -> None:
     """Import and use once what a script may import: later loads would be denied their files."""
     os.environ["PXR_WORK_THREAD_LIMIT"] = "1"
+    import __future__  # noqa: F401
+
     import math  # noqa: F401
     import unicodedata  # noqa: F401  (Python's parser asks for it when a name is not ASCII)
 

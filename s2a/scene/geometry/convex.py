@@ -8,12 +8,10 @@ import coacd
 import numpy as np
 import vhacdx
 from scipy.optimize import linprog
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from s2a.scene.articulation import displace
-from s2a.scene.geometry.mesh_ops import keep, weld
+from s2a.scene.geometry.mesh_ops import components, keep, weld
 from s2a.scene.scene import Joint, Mesh
 
 FLAT = 1e-3  # [m] Pieces thinner than this are thickened to it: Qhull and MuJoCo refuse flat ones
@@ -326,14 +324,6 @@ def loops(edges: np.ndarray) -> list[np.ndarray]:
             here = after
         walks.append(np.array(walk))
     return walks
-
-
-def components(mesh: Mesh) -> np.ndarray:
-    """Return the number of the connected component of every face; faces are connected by common vertices."""
-    corners = mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]]
-    rows, columns = np.concatenate([edge for edge in corners]).T
-    links = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(mesh.vertices),) * 2)
-    return np.unique(connected_components(links, directed=False)[1][mesh.faces[:, 0]], return_inverse=True)[1]
 
 
 def drop_small_components(mesh: Mesh, min_area_fraction: float) -> Mesh:

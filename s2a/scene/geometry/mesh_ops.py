@@ -80,6 +80,23 @@ def within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
     return keep(mesh, (bits[a] | bits[b] | bits[c]) == 0b111111)
 
 
+def components(mesh: Mesh) -> np.ndarray:
+    """Return the number of the connected component of every face; faces are connected by common vertices.
+
+    With numpy alone, since scans are read without the extra that brings SciPy: every vertex learns the lowest one that it is
+    connected to, from its faces and from those that it points to.
+    """
+    lowest, before = np.arange(len(mesh.vertices)), np.empty(0)
+    while not np.array_equal(lowest, before):
+        before, low = lowest, lowest[mesh.faces].min(axis=1)
+        lowest = lowest.copy()
+        for corner in mesh.faces.T:
+            np.minimum.at(lowest, before[corner], low)
+            np.minimum.at(lowest, corner, low)
+        lowest = lowest[lowest]
+    return np.unique(lowest[mesh.faces[:, 0]], return_inverse=True)[1]
+
+
 def weld(mesh: Mesh) -> Mesh:
     """Return a mesh in which vertices at bitwise the same place are one, as they were before it was cut into parts."""
     # Sorting the bits as two integers takes a third of the time of np.unique on rows; adding 0 makes -0 the same as 0.

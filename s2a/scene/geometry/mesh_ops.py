@@ -86,7 +86,7 @@ def components(mesh: Mesh) -> np.ndarray:
     With numpy alone, since scans are read without the extra that brings SciPy: every vertex learns the lowest one that it is
     connected to, from its faces and from those that it points to.
     """
-    lowest, before = np.arange(len(mesh.vertices)), np.empty(0)
+    lowest, before = np.arange(len(mesh.vertices)), np.empty(0, int)
     while not np.array_equal(lowest, before):
         before, low = lowest, lowest[mesh.faces].min(axis=1)
         lowest = lowest.copy()

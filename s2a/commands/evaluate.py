@@ -233,7 +233,8 @@ def _based(stage: SimStage, config: Config) -> SimStage:
             return ready_to_move(stage, path_of, config.robot, planner.start_noise, planner.seed, may_push=task.PUSHES)
         except Unreachable as error:
             failure = failure or error
-    raise failure or AssertionError("a stage or a failure")
+    assert failure is not None, "there are variants to try"
+    raise failure
 
 
 def _refuse_of_a_pool(config: Config) -> None:

@@ -274,7 +274,8 @@ def planned_path(
         if depth <= SLACK:
             break
     if best is None:
-        raise failure or AssertionError("a path or a failure")
+        assert failure is not None, "there are variants to try"
+        raise failure
     asked, moved = (abs(float(p.q[-1] - p.q[p.grasp])) * stage.lever_arm for p in (tried[0], best[0]))
     if moved < asked:
         text = "%s: %s is moved by %.2f m of %.2f m, further the arm meets something"
@@ -310,9 +311,9 @@ def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, settings: Plan
 
 
 def most_clear(stage: SimStage, spec: RobotSpec, paths: np.ndarray, path: ToolPath) -> tuple[float, int]:
-    """Return how deep a joint path [path pose arm] reaches into things [m], less than SLACK told as that, and its index.
+    """Return how deep a joint path of several [path pose arm] reaches into things [m], and its index.
 
-    That is the first path that meets nothing, else the one that does least; what is on the way to it does not count as deep.
+    It is the first path that meets nothing, else the least deep one. What is on the way to a path has no share in its depth.
 
     What it meets itself weighs more than what is on the way to it, which may be led around. The arm turns all joints evenly from
     home to a path's first pose, where nothing may touch; from there on the gripper and the part move together, and the rest of

@@ -64,7 +64,7 @@ class BasePose:
     orientation: Quat  # quaternion xyzw; x looks ahead
     reason: str  # why there, in words
     pedestal: float  # height of what it stands on above the floor [m]
-    free: bool  # the arm reaches the whole path without a collision
+    free: bool  # the arm follows the path that `reason` names without a collision
     assumed_floor: bool  # the floor below was not scanned, but around it
 
 

@@ -1,6 +1,6 @@
 """Independent pieces of work, shared between this process and helpers of its own.
 
-What comes out does not depend on how many helpers there are. Those of all commands on a machine together are fewer than its
+What comes out does not depend on how many helpers there are. The helpers and threads of all commands on a machine share its
 cores, so that commands side by side do not slow each other down. Helpers end when this process does, also when it is killed.
 """
 
@@ -54,7 +54,7 @@ def spread(
             yield from (work(shared, item) for item in items)
             return
         with processes(helpers, shared) as pool:
-            with _hidden_main():
+            with _new_helpers(helpers + 1):
                 futures = [pool.submit(_in_helper, work, item) for item in items]
             if meanwhile is not None:
                 meanwhile()
@@ -68,7 +68,8 @@ def apart(
 ) -> Iterator[tuple[int, Result | None]]:
     """Yield index and `work(shared, item)` of each item as it is done, each from a process of its own.
 
-    The result is None where that process died, as for want of memory: the others go on.
+    The result is None where that process died, as for want of memory: the others go on. This process waits, so that the first
+    one needs no core beside this one's; the others claim theirs before helpers and threads of any do.
 
     Args:
         work: a function of a module, that helpers can import.
@@ -82,8 +83,9 @@ def apart(
         while waiting or running:
             while waiting and len(running) < jobs:
                 index, stack = waiting.pop(0), ExitStack()
+                stack.enter_context(_spare_cores(1 if running else 0))
                 pool = stack.enter_context(processes(1, shared))
-                with _hidden_main():
+                with _new_helpers(min(jobs, len(items))):
                     running[pool.submit(_in_helper, work, items[index])] = index, stack
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 index, stack = running.pop(future)
@@ -118,16 +120,24 @@ def processes(helpers: int, shared: object = None) -> Iterator[ProcessPoolExecut
 
 
 @contextmanager
-def _hidden_main() -> Iterator[None]:
-    """Hide the main module from helpers that start: each would run it, which a script without a guard does not expect."""
-    main = sys.modules["__main__"]
+def _new_helpers(at_once: int) -> Iterator[None]:
+    """Have helpers that start take what is meant for them.
+
+    The main module is hidden: each would run it, which a script without a guard does not expect. Threads of NumPy, Torch and
+    CoACD, which they count as they are imported, are those of `at_once` processes on this machine, unless the user says else.
+    """
+    main, threads = sys.modules["__main__"], os.environ.get(THREADS)
     sys.modules["__main__"] = ModuleType("__main__")
+    os.environ[THREADS] = threads or str(max(1, count() // at_once))
     try:
         yield
     finally:
         sys.modules["__main__"] = main
+        if threads is None:
+            del os.environ[THREADS]
 
 
+THREADS = "OMP_NUM_THREADS"
 _given: list = []  # In a helper: what all its work needs
 
 
@@ -149,17 +159,18 @@ def _in_helper(work: Callable[[Shared, Item], Result], item: Item) -> Result:
 
 
 @contextmanager
-def _spare_cores(limit: int) -> Iterator[int]:
-    """Claim cores for helpers, at most so many, that no other command's helpers have claimed; yield their number.
+def _spare_cores(limit: int, fraction: float = 0.5) -> Iterator[int]:
+    """Claim cores for helpers or threads, at most so many, that nobody else has claimed; yield their number.
 
     The claims are locks on files beside the cache, one for each core but the first that this process may use; they end with
-    this process. None claims more than half of the cores, and of several processes that torchrun started on this machine each
-    its share, or the first would leave the others to work alone.
+    this process. No command claims more than a fraction of the cores, and of several processes that torchrun started on this
+    machine each its share, or the first would leave the others to work alone.
     """
     claims: list[int] = []
     try:
         cores = sorted(os.sched_getaffinity(0))
-        limit = min(limit, max(1, len(cores) // max(2, int(os.environ.get("LOCAL_WORLD_SIZE", "1")))))
+        fraction = min(fraction, 1 / int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
+        limit = min(limit, max(1, int(len(cores) * fraction)))
         for core in cores[1:]:
             if len(claims) >= limit:
                 break
@@ -192,7 +203,7 @@ MIN_ITEMS = 10_000  # Smallest chunk that is worth a launch of its own
 
 
 def in_parallel(work: Callable[..., Result], *arguments: Iterable) -> list[Result]:
-    """Return what `map` would, from threads; what is raised in one is raised here.
+    """Return what `map` would, from threads on this core and spare ones; what is raised in one is raised here.
 
     The first call is made before threads begin. It loads the kernel, which two threads must not do at once, and leaves the
     processor's vector registers as kernels want them: threads inherit those of the thread that starts them, and after some
@@ -201,7 +212,7 @@ def in_parallel(work: Callable[..., Result], *arguments: Iterable) -> list[Resul
     calls = list(zip(*arguments, strict=True))
     results = [work(*call) for call in calls[:1]]
     if len(calls) > 1:
-        with ThreadPoolExecutor(count()) as pool:
+        with _spare_cores(len(calls) - 2, 1.0) as spare, ThreadPoolExecutor(1 + spare) as pool:
             results += pool.map(lambda call: work(*call), calls[1:])
     return results
 

@@ -42,7 +42,9 @@ class Intrinsics:
     cy: float  # row of the optical axis
 
     def scaled(self, size: tuple[float, float], target: tuple[float, float]) -> Intrinsics:
-        """Return the camera of an image (width, height) of another size with the same borders."""
+        """Return the camera of an image (width, height) of another size with the same borders; InputError for no size."""
+        if not (size[0] > 0 and size[1] > 0):
+            raise InputError(f"a camera states images of {size[0]:g} x {size[1]:g} pixels; give the size of its images")
         x, y = target[0] / size[0], target[1] / size[1]
         return Intrinsics(self.fx * x, self.fy * y, (self.cx + 0.5) * x - 0.5, (self.cy + 0.5) * y - 0.5)
 

@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -132,12 +133,7 @@ def read_pincam(path: Path) -> tuple[tuple[float, float], Intrinsics]:
 
 def read_matrix(path: Path, *shapes: tuple[int, int], delimiter: str | None = None) -> np.ndarray:
     """Return the numbers of a text file; InputError: no such file, no numbers, or another shape."""
-    try:
-        matrix = np.loadtxt(path, dtype=np.float64, ndmin=2, delimiter=delimiter)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: is missing; a recording needs it for every frame") from error
-    except (ValueError, OSError) as error:
-        raise InputError(f"{path}: holds no matrix ({' '.join(str(error).split())[:80]})") from error
+    matrix = _numbers(path, "matrix", "a recording needs it for every frame", delimiter)
     if matrix.shape not in shapes:
         expected = " or ".join(f"{rows} x {columns}" for rows, columns in shapes)
         raise InputError(f"{path}: holds {' x '.join(map(str, matrix.shape))} numbers; expected {expected}")
@@ -150,15 +146,21 @@ def read_table(path: Path, columns: int, delimiter: str | None = None, skip: int
     Raises:
         InputError: no such file, no numbers, or another number of columns.
     """
-    try:
-        rows = np.loadtxt(path, dtype=np.float64, ndmin=2, delimiter=delimiter, skiprows=skip)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: is missing; it holds the poses") from error
-    except (ValueError, OSError) as error:
-        raise InputError(f"{path}: holds no table of poses ({' '.join(str(error).split())[:80]})") from error
+    rows = _numbers(path, "table of poses", "it holds the poses", delimiter, skip)
     if rows.shape[1] != columns or not len(rows):
         raise InputError(f"{path}: {len(rows)} rows of {rows.shape[1]} numbers; expected {columns} a row")
     return rows
+
+
+def _numbers(path: Path, what: str, purpose: str, delimiter: str | None, skip: int = 0) -> np.ndarray:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a file without numbers, whose shape says so
+            return np.loadtxt(path, dtype=np.float64, ndmin=2, delimiter=delimiter, skiprows=skip)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: is missing; {purpose}") from error
+    except (ValueError, OSError) as error:
+        raise InputError(f"{path}: holds no {what} ({' '.join(str(error).split())[:80]})") from error
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -82,9 +82,9 @@ def read(path: Path, color: Sequence[float] | None = None) -> RgbdRecording:
     if color is not None:
         recording = _with_color(recording, Intrinsics(*color[:4]), color[4:])
     first = recording.frames[0]
-    _fits(first.depth_camera, first.depth, "depth")
+    _fit({frame.depth_camera for frame in recording.frames}, first.depth, "depth")
     if first.color:
-        _fits(first.color_camera, first.color, "colour")
+        _fit({frame.color_camera for frame in recording.frames if frame.color}, first.color, "colour")
     return recording
 
 
@@ -441,14 +441,16 @@ def _with_color(recording: RgbdRecording, camera: Intrinsics, offset: Sequence[f
     return replace(recording, frames=frames, color_from_depth=move)
 
 
-def _fits(camera: Intrinsics, picture: FrameImage, what: str) -> None:
-    """Raise an InputError if a camera cannot be that of an image: its axis is far from the middle."""
+def _fit(cameras: Iterable[Intrinsics], picture: FrameImage, what: str) -> None:
+    """Raise an InputError if a camera cannot be that of images of one size: its axis is far from the middle."""
     height, width = picture.load().shape[:2]
-    if not (0.25 < camera.cx / width < 0.75 and 0.25 < camera.cy / height < 0.75 and 0.2 < camera.fx / width < 5):
-        raise InputError(
-            f"{picture.name}: {width} x {height} pixels do not go with the {what} camera (fx {camera.fx:.0f}, centre "
-            f"{camera.cx:.0f}, {camera.cy:.0f}); give the intrinsics of images of this size"
-        )
+    for camera in cameras:
+        focal, centre = np.array([camera.fx, camera.fy]) / width, np.array([camera.cx / width, camera.cy / height])
+        if not ((0.2 < focal) & (focal < 5) & (0.25 < centre) & (centre < 0.75)).all():
+            raise InputError(
+                f"{picture.name}: {width} x {height} pixels do not go with a {what} camera (fx {camera.fx:.0f}, "
+                f"fy {camera.fy:.0f}, centre {camera.cx:.0f}, {camera.cy:.0f}); give the intrinsics of images of this size"
+            )
 
 
 def _picture(source: Path | FrameImage | None) -> FrameImage | None:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -131,3 +132,24 @@ def square_or_die(shared: int, item: int) -> int:
 
 def test_a_process_that_dies_is_one_result_of_many():
     assert dict(workers.apart(square_or_die, 2, [1, -1, 3], 2)) == {0: 2, 1: None, 2: 18}
+
+
+def threads_once(there: Path, item: int) -> str:
+    _wait(there.exists)
+    return os.environ["OMP_NUM_THREADS"]
+
+
+def test_processes_at_once_claim_their_cores_and_share_out_threads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(5)))
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+
+    def spare() -> int:
+        with workers._spare_cores(9, 1.0) as cores:
+            return cores
+
+    with ThreadPoolExecutor(1) as pool:
+        results = pool.submit(dict, workers.apart(threads_once, tmp_path / "go", [0, 1], 2))
+        _wait(lambda: spare() == 3)
+        (tmp_path / "go").touch()
+        assert results.result() == {0: "2", 1: "2"}
+    assert spare() == 4 and "OMP_NUM_THREADS" not in os.environ

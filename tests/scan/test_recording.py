@@ -285,9 +285,19 @@ def remove(name: str) -> Callable[[Path], None]:
     return lambda folder: (folder / name).unlink()
 
 
+def replace(name: str, text: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).write_text(text)
+
+
+LENS = "lowres_wide_intrinsics/41048190_3414.300.pincam"  # Of the third frame
+
+
 @pytest.mark.parametrize(
     ("kind", "damage", "word"),
     [
+        ("ARKitScenes", replace(LENS, "0 0 0 0 0 0"), "0 x 0 pixels"),
+        ("ARKitScenes", replace(LENS, "256 192 0 nan 128 96"), "do not go with"),
+        ("ARKitScenes", replace(LENS, ""), "expected 1 x 6"),
         ("ARKitScenes", cut("lowres_wide.traj"), "no table|expected 7"),
         ("ARKitScenes", remove("lowres_wide.traj"), "is missing"),
         ("ARKitScenes", remove("lowres_wide_intrinsics/41048190_3414.200.pincam"), "no camera of this time"),
@@ -309,7 +319,7 @@ def remove(name: str) -> Callable[[Path], None]:
     ],
 )
 def test_damage_of_every_format_is_one_line(
-    tmp_path: Path, kind: str, damage: Callable[[Path], None], word: str
+    tmp_path: Path, kind: str, damage: Callable[[Path], object], word: str
 ) -> None:
     folder = WRITERS[kind](tmp_path / "walk", 4)
     damage(folder)

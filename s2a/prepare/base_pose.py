@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -194,13 +194,23 @@ class ScannedSurfaces:
     near: Obstacles  # all of them
     still: Obstacles  # those that do not move with the part
     shape: RobotShape  # of the robot
+    _starts: dict[tuple[object, ...], Penetration] = field(default_factory=dict)
 
     @cached_property
     def _home(self) -> np.ndarray:
         return np.array(self.shape.kin.spec.home)
 
     def start(self, stand: Stand, first: np.ndarray) -> Penetration:
-        """Return the deepest collision at home and of the gripper straight from there to a tool pose [4 4], with words for it."""
+        """Return the deepest collision at home and of the gripper straight from there to a tool pose [4 4], with words for it.
+
+        All variants of a path begin alike; it is computed once.
+        """
+        key = (stand.base.tobytes(), stand.pedestal, first.tobytes())
+        if key not in self._starts:
+            self._starts[key] = self._start(stand, first)
+        return self._starts[key]
+
+    def _start(self, stand: Stand, first: np.ndarray) -> Penetration:
         depth, owner = self._robot(stand, self._home[None], moving=True)
         if depth > SLACK:
             return depth, f"the start pose reaches {1000 * depth:.0f} mm into {owner}"
@@ -264,6 +274,8 @@ class Ground:
         self._asks_floor = len(floor) > 0
         self._floor = floor if self._asks_floor else lowest_point(scene)
         self._near, self._swept, self._config, self._body = near, swept, config, robot.base
+        self._problems: dict[tuple[object, ...], str | None] = {}
+        self._floors: dict[tuple[object, ...], FloorSupport] = {}
         self._shoulder = robot_shape(robot).kin.shoulder
 
     def places(self) -> Iterator[Stand]:
@@ -301,7 +313,13 @@ class Ground:
                 search.misses.note(Miss(0, STUCK, problem, stand))
 
     def _taken(self, stand: Stand, assumed: bool) -> str | None:
-        """Return why a base cannot stand there, or None if it can."""
+        """Return why a base cannot stand there, or None if it can; all variants of a path ask the same."""
+        key = (stand.base.tobytes(), stand.pedestal, assumed)
+        if key not in self._problems:
+            self._problems[key] = self._problem(stand, assumed)
+        return self._problems[key]
+
+    def _problem(self, stand: Stand, assumed: bool) -> str | None:
         body, foot = self._body, stand.base[:3, 3]
         floor = foot[2] - stand.pedestal
         low, high = floor + 0.05 + body.radius, foot[2] + body.shoulder_height
@@ -320,8 +338,11 @@ class Ground:
         """Return the floor below a base; `s2a certify` asks the same. It is not asked for where no part is labelled as floor."""
         if not self._asks_floor:
             return FloorSupport(1.0, scanned=True)
-        place, radius = stand.base[:3, 3], self._body.radius
-        return floor_support(place, stand.pedestal, radius, self._near.surface, self._config.floor)
+        place, key = stand.base[:3, 3], (stand.base[:3, 3].tobytes(), stand.pedestal)
+        if key not in self._floors:
+            radius, surface = self._body.radius, self._near.surface
+            self._floors[key] = floor_support(place, stand.pedestal, radius, surface, self._config.floor)
+        return self._floors[key]
 
 
 def _in_words(distance: float, side: float, pedestal: float) -> str:

@@ -198,24 +198,31 @@ def stray_faces(surface: ScanMesh, owner: np.ndarray, names: Mapping[int, str]) 
         owner: position of the part of each face, shape [face]; negative for none.
         names: labels of the objects to look at, by position.
     """
-    points, border = surface.vertices.astype(np.float64), _borders(surface, owner)
+    scan, border = Mesh(surface.vertices, surface.faces), _borders(surface, owner)
     strays = [np.empty(0, np.int64)]
     for position, label in names.items():
         own = np.flatnonzero(owner == position)
         if len(own) > 1:
-            corners = points[surface.faces[own]]
+            mesh = keep(scan, own)
             whole = label.lower().rpartition(" ")[2] in STRUCTURE
-            joined = np.zeros(len(own), int) if whole else components(keep(Mesh(surface.vertices, surface.faces), own))
-            strays.append(own[~_body(corners, border[own], joined, whole)])
+            joined = np.zeros(len(own), int) if whole else components(mesh)
+            strays.append(own[~_body(mesh.vertices.astype(np.float64), mesh.faces, border[own], joined, whole)])
     return np.concatenate(strays)
 
 
 def _borders(surface: ScanMesh, owner: np.ndarray) -> np.ndarray:
     """Return the length of each face's edges that it shares with faces of other owners [m], shape [face]."""
-    sides = np.sort(
-        np.concatenate([surface.faces[:, [0, 1]], surface.faces[:, [1, 2]], surface.faces[:, [2, 0]]]), axis=1
-    )
-    face = np.tile(np.arange(len(surface.faces)), 3)
+    # Both ends of a shared edge are vertices of several owners, which few are.
+    one = np.empty(len(surface.vertices), owner.dtype)
+    one[surface.faces] = owner[:, None]
+    shared = np.zeros(len(surface.vertices), bool)
+    shared[surface.faces[one[surface.faces] != owner[:, None]]] = True
+    corner = shared[surface.faces]
+    sides, face = [], []
+    for first, second in ((0, 1), (1, 2), (2, 0)):
+        face.append(np.flatnonzero(corner[:, first] & corner[:, second]))
+        sides.append(surface.faces[face[-1]][:, [first, second]])
+    sides, face = np.sort(np.concatenate(sides), axis=1), np.concatenate(face)
     order = np.lexsort((sides[:, 1], sides[:, 0]))
     sides, face = sides[order], face[order]
     pairs = np.flatnonzero((sides[1:] == sides[:-1]).all(axis=1) & (owner[face[1:]] != owner[face[:-1]]))
@@ -224,26 +231,30 @@ def _borders(surface: ScanMesh, owner: np.ndarray) -> np.ndarray:
     return np.bincount(np.concatenate([face[pairs], face[pairs + 1]]), np.tile(length, 2), len(owner))
 
 
-def _body(corners: np.ndarray, border: np.ndarray, component: np.ndarray, structure: bool) -> np.ndarray:
+def _body(
+    points: np.ndarray, faces: np.ndarray, border: np.ndarray, component: np.ndarray, structure: bool
+) -> np.ndarray:
     """Return which faces are an object's body, shape [face].
 
     Args:
-        corners: of its faces [m], shape [face 3 3].
+        points: its vertices [m], shape [vertex 3], float64.
+        faces: indices of its faces' corners, shape [face 3].
         border: length of each face's edges with other labels [m], shape [face].
         component: number of each face's connected component, shape [face].
         structure: It is a wall, a floor or a ceiling.
     """
+    corners = points[faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.maximum(0.5 * np.linalg.norm(cross, axis=1), 1e-12)
     middle = corners.mean(axis=1)
     body = _one_component(corners, area, component)
     bottom = weighted_quantile(middle[body, 2], area[body], 0.01)
     if middle[body, 2].max() - bottom > 2 * FOOT:
-        skirt = _skirt(corners, middle, body, cross[:, 2] / (2 * area), bottom)
+        skirt = _skirt(points, faces, middle, body, cross[:, 2] / (2 * area), bottom)
         body &= ~skirt if area[skirt].sum() < IN_ALL * area[body].sum() else True
     border = np.where((middle[:, 2] < bottom + FOOT) & (bottom < HUNG), 0.0, border)
     least = (1.0 - IN_ALL) * area[body].sum()
-    while (tail := _tail(corners, area, border, body, bottom > LIFTED, structure, least)) is not None:
+    while (tail := _tail(points, faces, middle, area, border, body, bottom > LIFTED, structure, least)) is not None:
         body[tail] = False
     return body
 
@@ -252,32 +263,43 @@ def _one_component(corners: np.ndarray, area: np.ndarray, component: np.ndarray)
     """Return the faces of an object's largest component, and of those that belong to it, shape [face]."""
     areas = np.bincount(component, area)
     main = int(areas.argmax())
-    points = corners[component == main].reshape(-1, 3)
-    body = np.ones(len(area), bool)
-    for other in np.flatnonzero(areas):
-        own = corners[component == other].reshape(-1, 3)
-        gap = np.maximum(np.maximum(own.min(axis=0) - points.max(axis=0), points.min(axis=0) - own.max(axis=0)), 0.0)
-        beside = np.linalg.norm(gap[:2]) > PART[1]
-        far = areas[other] < PART[0] * areas[main] or np.linalg.norm(gap) > APART * np.ptp(own, axis=0).max()
-        if beside and far:
-            body[component == other] = False
+    order = np.argsort(component, kind="stable")
+    first = np.searchsorted(component[order], np.arange(len(areas)))
+    a, b, c = corners[order].swapaxes(0, 1)
+    low = np.minimum.reduceat(np.minimum(np.minimum(a, b), c), first, axis=0)
+    high = np.maximum.reduceat(np.maximum(np.maximum(a, b), c), first, axis=0)
+    gap = np.maximum(np.maximum(low - high[main], low[main] - high), 0.0)
+    beside = np.linalg.norm(gap[:, :2], axis=1) > PART[1]
+    far = (areas < PART[0] * areas[main]) | (np.linalg.norm(gap, axis=1) > APART * (high - low).max(axis=1))
+    body: np.ndarray = ~(beside & far)[component]
     return body
 
 
-def _skirt(corners: np.ndarray, middle: np.ndarray, body: np.ndarray, up: np.ndarray, bottom: float) -> np.ndarray:
+def _outline(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the points that the upright box of some faces depends on [point 3]."""
+    used = np.zeros(len(points), bool)
+    used[faces] = True
+    return silhouette(points[used])
+
+
+def _skirt(
+    points: np.ndarray, faces: np.ndarray, middle: np.ndarray, body: np.ndarray, up: np.ndarray, bottom: float
+) -> np.ndarray:
     """Return the faces of the floor around an object's foot, shape [face]: they face up, outside of what is above them.
 
     `up`: vertical component of each face's normal, shape [face].
     """
     low = body & (middle[:, 2] < bottom + SKIRT)
-    box = upright_box(silhouette(corners[body & ~low].reshape(-1, 3)))
+    box = upright_box(_outline(points, faces[body & ~low]))
     axes = np.array([[np.cos(box.yaw), np.sin(box.yaw)], [-np.sin(box.yaw), np.cos(box.yaw)]])
     out = np.abs((middle[:, :2] - box.center[:2]) @ axes.T) - np.array(box.size[:2]) / 2
     return low & (out.max(axis=1) > 2 * SKIRT) & (up > 0.5)
 
 
 def _tail(
-    corners: np.ndarray,
+    points: np.ndarray,
+    faces: np.ndarray,
+    middle: np.ndarray,
     area: np.ndarray,
     border: np.ndarray,
     body: np.ndarray,
@@ -290,15 +312,16 @@ def _tail(
     `lifted`: the tail may be at its lower side. `least`: area that stays [m^2].
     """
     inside = np.flatnonzero(body)
-    own, area, border = corners[inside], area[inside], border[inside]
-    middle = own.mean(axis=1)
-    yaw = upright_box(silhouette(own.reshape(-1, 3))).yaw
+    faces, middle, area, border = faces[inside], middle[inside], area[inside], border[inside]
+    yaw = upright_box(_outline(points, faces)).yaw
     axes = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    a, b, c = (points @ axes.T)[faces.T]
+    top, bottom = np.maximum(np.maximum(a, b), c), np.minimum(np.minimum(a, b), c)
     best, tail = WORTH, None
     for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))[: 6 if lifted else 5]:
-        along = sign * own @ axes[axis]
-        order = np.argsort(-along.max(axis=1), kind="stable")
-        ends, low = along.max(axis=1)[order], float(along.min())
+        end, other = (top[:, axis], bottom[:, axis]) if sign > 0 else (-bottom[:, axis], -top[:, axis])
+        order = np.argsort(-end, kind="stable")
+        ends, low = end[order], float(other.min())
         left, length = np.append(ends[1:], low) - low, float(ends[0]) - low
         areas = np.cumsum(area[order])
         share = areas / areas[-1]
@@ -308,15 +331,15 @@ def _tail(
         gain = np.log((length + NOISE) / (left + NOISE)) - weight * share
         gain[(share > (TAIL if axis < 2 else SMALL)) | (areas[-1] - areas < least)] = -1.0
         gain[share < DUST] += WORTH / 3
-        for first, end in itertools.pairwise((0.0, DUST, 0.06, 1.0)):
-            last = int(np.argmax(np.where((first <= share) & (share < end), gain, -1.0)))
+        for first, until in itertools.pairwise((0.0, DUST, 0.06, 1.0)):
+            last = int(np.argmax(np.where((first <= share) & (share < until), gain, -1.0)))
             if gain[last] <= best:
                 continue
             across = np.delete(axes, axis, axis=0)
             rest = np.ptp(middle[order[last + 1 :]] @ across.T, axis=0)
             wide = np.ptp(np.quantile(middle[order[: last + 1]] @ across.T, (0.05, 0.95), axis=0), axis=0)
             plate = structure and left[last] < min(PLATE[0], rest.min() / 2) and share[last] < PLATE[1]
-            if end == DUST or plate or (wide <= NARROW * rest).all():
+            if until == DUST or plate or (wide <= NARROW * rest).all():
                 best, tail = float(gain[last]), inside[order[: last + 1]]
     return tail
 

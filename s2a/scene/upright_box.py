@@ -7,8 +7,9 @@ import numpy as np
 
 from s2a.scene.scene import Vec3
 
-# Directions whose extreme points discard most of the others before the hull is built (Akl and Toussaint, 1978)
-DIRECTIONS = 32
+# Directions whose extreme points discard most of the others before the hull is built (Akl and Toussaint, 1978): few for many
+# points, more for those left
+DIRECTIONS = (8, 32)
 FLAT = 1e-12  # Turns of less than this fraction of the squared extent are straight: rounding of collinear points
 
 
@@ -17,7 +18,9 @@ def hull(points: np.ndarray) -> np.ndarray | None:
     if len(points) < 3:
         return None
     points = points.astype(np.float64)
-    candidates = _outside_inner_polygon(points)
+    candidates = np.arange(len(points))
+    for directions in DIRECTIONS:
+        candidates = candidates[_outside_inner_polygon(*points[candidates].T.copy(), directions)]
     order = candidates[np.lexsort((points[candidates, 1], points[candidates, 0]))]
     tolerance = FLAT * float(np.square(np.ptp(points, axis=0)).sum())
     lower, upper = _chain(points, order, tolerance), _chain(points, order[::-1], tolerance)
@@ -25,15 +28,13 @@ def hull(points: np.ndarray) -> np.ndarray | None:
     return outline if len(outline) > 2 else None
 
 
-def _outside_inner_polygon(points: np.ndarray) -> np.ndarray:
-    """Return the indices of the points that are not strictly inside the polygon of the extreme points."""
-    angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS)
-    extremes = np.stack([(points @ np.array([np.cos(a), np.sin(a)])).argmax() for a in angles])
-    corners = points[list(dict.fromkeys(extremes.tolist()))]
-    inner = np.ones(len(points), bool)
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        (dx, dy), (x, y) = end - start, (points - start).T
-        inner &= dx * y - dy * x > 0.0
+def _outside_inner_polygon(x: np.ndarray, y: np.ndarray, directions: int) -> np.ndarray:
+    """Return the indices of the points, of their coordinates [n] each, not strictly inside the polygon of the extreme ones."""
+    angles = np.arange(directions) * (2.0 * np.pi / directions)
+    extremes = list(dict.fromkeys(int((np.cos(a) * x + np.sin(a) * y).argmax()) for a in angles))
+    inner = np.ones(len(x), bool)
+    for start, end in zip(extremes, [*extremes[1:], extremes[0]], strict=True):
+        inner &= (x[end] - x[start]) * (y - y[start]) - (y[end] - y[start]) * (x - x[start]) > 0.0
     return np.flatnonzero(~inner)
 
 

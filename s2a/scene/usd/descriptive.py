@@ -12,6 +12,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from s2a.core.errors import InputError
+from s2a.scene.geometry.mesh_ops import within
 from s2a.scene.scene import UNANNOTATED, Joint, Mesh, Part, Scene, Vec3
 from s2a.scene.upright_box import Box, silhouette, upright_box
 from s2a.scene.usd.joints import KINDS, site_point
@@ -161,10 +162,8 @@ def _points(mesh: Mesh) -> np.ndarray:
 
 def _triangles(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return the triangles of a surface whose boxes meet a box with these corners [m], shape [triangle 3 3]."""
-    if (mesh.bounds[0] > high).any() or (mesh.bounds[1] < low).any():
-        return np.empty((0, 3, 3))
-    corners = mesh.vertices[mesh.faces].astype(float)
-    return corners[((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)]
+    near = within(mesh, low, high)
+    return near.vertices[near.faces].astype(float)
 
 
 def _covered(places: np.ndarray, triangles: np.ndarray, low: float, high: float) -> tuple[float, float]:

@@ -139,7 +139,9 @@ def threads_once(there: Path, item: int) -> str:
     return os.environ["OMP_NUM_THREADS"]
 
 
-def test_processes_at_once_claim_their_cores_and_share_out_threads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_processes_at_once_claim_their_cores_and_share_out_threads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(5)))
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
 

@@ -12,7 +12,6 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from s2a.core.errors import InputError
-from s2a.scene.geometry.mesh_ops import within
 from s2a.scene.scene import UNANNOTATED, Joint, Mesh, Part, Scene, Vec3
 from s2a.scene.upright_box import Box, silhouette, upright_box
 from s2a.scene.usd.joints import KINDS, site_point
@@ -162,8 +161,12 @@ def _points(mesh: Mesh) -> np.ndarray:
 
 def _triangles(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return the triangles of a surface whose boxes meet a box with these corners [m], shape [triangle 3 3]."""
-    near = within(mesh, low, high)
-    return near.vertices[near.faces].astype(float)
+    if (mesh.bounds[0] > high).any() or (mesh.bounds[1] < low).any():
+        return np.empty((0, 3, 3))
+    # A bit for each side of the box: all corners of a face beyond one are outside.
+    beyond = np.packbits(np.concatenate([mesh.vertices < low, mesh.vertices > high], axis=1), axis=1)[:, 0]
+    a, b, c = beyond[mesh.faces.T]
+    return mesh.vertices[mesh.faces[(a & b & c) == 0]].astype(float)
 
 
 def _covered(places: np.ndarray, triangles: np.ndarray, low: float, high: float) -> tuple[float, float]:

@@ -218,16 +218,16 @@ def _borders(surface: ScanMesh, owner: np.ndarray) -> np.ndarray:
     shared = np.zeros(len(surface.vertices), bool)
     shared[surface.faces[one[surface.faces] != owner[:, None]]] = True
     corner = shared[surface.faces]
-    sides, face = [], []
-    for first, second in ((0, 1), (1, 2), (2, 0)):
-        face.append(np.flatnonzero(corner[:, first] & corner[:, second]))
-        sides.append(surface.faces[face[-1]][:, [first, second]])
-    sides, face = np.sort(np.concatenate(sides), axis=1), np.concatenate(face)
+    ends = ((0, 1), (1, 2), (2, 0))
+    chosen = [np.flatnonzero(corner[:, i] & corner[:, j]) for i, j in ends]
+    face = np.concatenate(chosen)
+    sides = np.concatenate([surface.faces[few][:, pair] for few, pair in zip(chosen, ends, strict=True)])
+    sides = np.sort(sides, axis=1)
     order = np.lexsort((sides[:, 1], sides[:, 0]))
     sides, face = sides[order], face[order]
     pairs = np.flatnonzero((sides[1:] == sides[:-1]).all(axis=1) & (owner[face[1:]] != owner[face[:-1]]))
-    ends = surface.vertices[sides[pairs]].astype(np.float64)
-    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    edges = surface.vertices[sides[pairs]].astype(np.float64)
+    length = np.linalg.norm(edges[:, 0] - edges[:, 1], axis=1)
     return np.bincount(np.concatenate([face[pairs], face[pairs + 1]]), np.tile(length, 2), len(owner))
 
 

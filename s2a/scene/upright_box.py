@@ -20,7 +20,8 @@ def hull(points: np.ndarray) -> np.ndarray | None:
     points = points.astype(np.float64)
     candidates = np.arange(len(points))
     for directions in DIRECTIONS:
-        candidates = candidates[_outside_inner_polygon(*points[candidates].T.copy(), directions)]
+        x, y = points[candidates].T.copy()
+        candidates = candidates[_outside_inner_polygon(x, y, directions)]
     order = candidates[np.lexsort((points[candidates, 1], points[candidates, 0]))]
     tolerance = FLAT * float(np.square(np.ptp(points, axis=0)).sum())
     lower, upper = _chain(points, order, tolerance), _chain(points, order[::-1], tolerance)

@@ -51,17 +51,21 @@ REASONS = {"check ": "contradicted", "no base pose": "no base", "s2a prepare": "
 """Outcome by the beginning of the reason why a part is left out of an index; other reasons: no plan."""
 PACE = 3.0
 """[s] An action on the page, as in experiments/annotate_clicks.py: a click or a drag."""
+MISPLACED = 0.15
+"""[m] Between a proposal's handle and the annotator's from which on it is put there."""
 AIMS = 25
 """Faces of a drawn rectangle that the page looks at."""
 KINDS = {"prismatic": "slide", "revolute": "hinge"}
 
 
 class Front:
-    """A rectangle with its kind, the side of its hinge, and its handle."""
+    """A rectangle with its kind, the side of its hinge, its handle, and whether that is a knob."""
 
-    def __init__(self, corners: list, kind: str, hinge: str | None = None, handle: list | None = None) -> None:
+    def __init__(
+        self, corners: list, kind: str, hinge: str | None = None, handle: list | None = None, *, knob: bool = False
+    ) -> None:
         self.corners = np.array(corners, float)
-        self.kind, self.hinge = kind, hinge
+        self.kind, self.hinge, self.knob = kind, hinge, knob
         self.handle = None if handle is None else np.array(handle, float)
         right, up = self.corners[1] - self.corners[0], self.corners[3] - self.corners[0]
         self.axes = np.stack([right / np.linalg.norm(right), up / np.linalg.norm(up)])
@@ -83,11 +87,16 @@ class Front:
 def annotated(capture: str, annotator: str) -> list[Front]:
     """Return the fronts that an annotator gave a capture."""
     records = json.loads((ROOMS / f"{capture}.{annotator}.json").read_text())["fronts"]
-    return [Front(r["corners"], r["kind"], r.get("hinge_side", r.get("hinge")), r["handle"]) for r in records]
+    return [
+        Front(
+            r["corners"], r["kind"], r.get("hinge_side", r.get("hinge")), r["handle"], knob="knob" in r.get("why", "")
+        )
+        for r in records
+    ]
 
 
 def proposed(folder: Path) -> list[Front]:
-    """Return the fronts of an annotated folder: rectangles of annotate.json, joints of the scan."""
+    """Return the fronts of an annotated folder: rectangles of annotate.json, joints and middles of handles of the scan."""
     scene = scan.read(folder)
     records = json.loads((folder / "annotate.json").read_text())["parts"]
     fronts = []
@@ -98,6 +107,8 @@ def proposed(folder: Path) -> list[Front]:
             along = int(np.argmax(np.abs(front.axes @ np.array(joint.axis))))
             sides = ("bottom", "top") if along == 0 else ("left", "right")
             front.kind, front.hinge = "hinge", sides[int(place[1 - along] > 0)]
+        if handles := [scene.parts[handle].mesh.bounds for handle in scene.handle_parts(part)]:
+            front.handle = np.mean(handles, axis=(0, 1))
         fronts.append(front)
     return fronts
 
@@ -234,9 +245,10 @@ def opened(rows: list[dict]) -> dict:
 def corrected(capture: str, folder: Path, out: Path) -> dict:
     """Correct proposals as on the page until they are an annotator's fronts, and write them; return what was done.
 
-    Actions: a proposal is selected and removed; a wrong hinge is selected, its mode chosen, its side clicked; of a missing front
-    the rectangle is dragged, the kind chosen, the hinge's side clicked, the handle's mode and place clicked,
-    where handles usually are if the annotator saw none. Turns of the camera are not counted, one or more a missing front.
+    Actions: a proposal is selected and removed; a wrong hinge is selected, its mode chosen, its side clicked; so is a handle that
+    is not where the annotator saw it; of a missing front the rectangle is dragged, the kind chosen, the hinge's side clicked,
+    the handle's mode and place clicked, where handles usually are if the annotator saw none; the shape of a knob that is not in
+    the surface is chosen. Turns of the camera are not counted, one or more a missing front.
     """
     scanned = files.read(folder)
     surface = scanned.surface
@@ -254,6 +266,9 @@ def corrected(capture: str, folder: Path, out: Path) -> dict:
         elif truth.hinge and truth.hinge != fronts[j].hinge:
             editor.hinge(_side(truth)[None])
             actions["hinge"] += 3
+        if truth is not None and _misplaced(truth, fronts[j]):
+            editor.select(j)
+            actions["handle"] += 1 + _give_handle(editor, truth)
     unseen = assumed = 0
     for i in sorted(set(range(len(real))) - set(pairs.values())):
         truth = real[i]
@@ -268,10 +283,8 @@ def corrected(capture: str, folder: Path, out: Path) -> dict:
         else:
             editor.hinge(_side(truth)[None])
             actions["drawn"] += 4
-        item = editor.annotation.items[-1]
         assumed += truth.handle is None
-        editor.handle(usual_place(item.region, item.joint) if truth.handle is None else truth.handle)
-        actions["drawn"] += 2
+        actions["drawn"] += _give_handle(editor, truth)
     files.write(editor.annotation, scanned, out, earlier, annotated=str(folder), auto=False, edit=True)
     count = sum(actions.values()) + 1  # save
     return {
@@ -284,6 +297,23 @@ def corrected(capture: str, folder: Path, out: Path) -> dict:
         "actions": {**actions, "save": 1},
         "seconds": PACE * count,
     }
+
+
+def _give_handle(editor: Editor, front: Front) -> int:
+    """Give the selected part the handle that an annotator saw, or one where handles usually are; return the actions."""
+    item = editor.item
+    editor.handle(usual_place(item.region, item.joint) if front.handle is None else front.handle)
+    if front.handle is None or not front.knob or not editor.item.completed:
+        return 2
+    editor.handle(front.handle, "knob")
+    return 3
+
+
+def _misplaced(truth: Front, front: Front) -> bool:
+    """Return whether the annotator saw the handle of a proposal elsewhere, or one where it has none."""
+    if truth.handle is None:
+        return False
+    return front.handle is None or bool(np.linalg.norm(front.handle - truth.handle) > MISPLACED)
 
 
 def _seen(surface: SplitSurface, front: Front) -> np.ndarray:

@@ -29,6 +29,8 @@ AT_ONCE, CHUNK = 8, 24
 STUCK = 1.0  # Depth [m] that stands for a place where the base cannot stand
 # [s] In which every joint, at full speed, has to turn from home to the path: an episode has to have time for the rest
 MAX_REACH_TIME = 2.0
+# [m] Distances and sides of places that are tried last, in all combinations with the others: in a corner, or beside a table
+FURTHER_DISTANCES, FURTHER_SIDES = (0.35, 0.4), (-0.1, 0.1, -0.3, 0.3, -0.5, 0.5, -0.6, 0.6)
 TRIED = 8  # Number of joint paths that are checked: those that begin nearest to home
 ASSUMED_FLOOR = "the scan has a hole there, amid floor at this height; make sure that no step and no stairs are there"
 
@@ -80,8 +82,8 @@ def find_base(
     """Return where the robot stands to open a part.
 
     Inverse kinematics take most of the time: they are asked for many places at once, and for none where the robot starts in
-    something. Places whose floor is assumed are tried where none on scanned floor is free, and after them all the other
-    variants of its path.
+    something. Places whose floor is assumed are tried where none on scanned floor is free, after them all the other
+    variants of its path, and after these all of it again from further places.
     """
     joint, point, shape = scene.joint(target), np.array(grasp.point), robot_shape(robot)
     held = np.array([*grasp.point, *grasp.orientation])
@@ -103,12 +105,12 @@ def find_base(
 
     waiting: set[Stand] = set()
     every = variants(joint, held, internal=grasp.internal) if config.search else [ASKED]
-    for variant, assumed in itertools.product(every, (False, True)):
-        # What is said of a part without a free place is about the path that is asked for.
-        tried, unsure = (search, waiting) if variant == ASKED else (Search(robot, shape.kin), None)
+    for further, variant, assumed in itertools.product((False, True)[: 1 + config.search], every, (False, True)):
+        # What is said of a part without a free place is about the path that is asked for, from the nearer places.
+        tried, unsure = (search, waiting) if variant == ASKED and not further else (Search(robot, shape.kin), None)
         path = asked if variant == ASKED else poses(*variant)
         facings, followed = partial(ground.facings, search=tried, assumed=assumed), partial(follow, path)
-        for some in _groups(ground.places(), facings, surroundings, path[0], tried, followed, unsure):
+        for some in _groups(ground.places(further=further), facings, surroundings, path[0], tried, followed, unsure):
             for k, _ in tried.followed(some, followed(some)):
                 return _chosen(some[k], _praise(some[k], preferred, search, variant), True, assumed)
     order = sorted(search.misses.of.values(), key=lambda miss: miss.depth)
@@ -278,10 +280,17 @@ class Ground:
         self._floors: dict[tuple[object, ...], FloorSupport] = {}
         self._shoulder = robot_shape(robot).kin.shoulder
 
-    def places(self) -> Iterator[Stand]:
-        """Yield places that face the handle, those nearest to the preferred one first; that alone where there is no search."""
+    def places(self, *, further: bool = False) -> Iterator[Stand]:
+        """Yield places that face the handle, those nearest to the preferred one first; that alone where there is no search.
+
+        The `further` ones are no others' and within the arm's reach.
+        """
         config, distances = self._config, self._body.distances
-        every = itertools.product(distances, config.sides, config.pedestals)
+        every = list(itertools.product(distances, config.sides, config.pedestals))
+        if further:
+            near = set(every)
+            wide = (*distances, *FURTHER_DISTANCES), (*config.sides, *FURTHER_SIDES), config.pedestals
+            every = [place for place in itertools.product(*wide) if place not in near]
         order = sorted(every, key=lambda p: abs(p[0] - distances[0]) + abs(p[1]) + 0.5 * p[2])
         left = np.array([-self._ahead[1], self._ahead[0]])
         for distance, side, pedestal in order if config.search else order[:1]:
@@ -290,6 +299,9 @@ class Ground:
             pose = np.eye(4)
             pose[:3, :3] = Rotation.from_euler("z", math.atan2(towards[1], towards[0])).as_matrix()
             pose[:3, 3] = [*position, floor_height(self._floor, position) + pedestal]
+            shoulder = pose[:3, 3] + [0.0, 0.0, self._body.shoulder_height]
+            if further and np.linalg.norm(self._point - shoulder) > self._body.reach + 0.1:
+                continue
             yield Stand(pose, pedestal, words=_in_words(distance, side, pedestal))
 
     def facings(self, place: Stand, search: Search, *, assumed: bool) -> Iterator[Stand]:

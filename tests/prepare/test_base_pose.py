@@ -92,6 +92,8 @@ def test_a_robot_stands_where_floor_was_scanned() -> None:
     assert not straight.free and "no floor was scanned there" in straight.reason
     assert found.free and "no floor was scanned there" in found.reason
     assert found.position[1] > 0.05  # more than half of its footprint
+    aside = base(with_floor((-0.4, 0.48, -0.05), (2.5, 2.0, 0.0)), sides=(0.0,), turns=(0.0,))
+    assert aside.free and aside.position[1] > 0.48
     away = base(with_floor((-0.4, 1.5, -0.05), (2.5, 2.0, 0.0)), pedestals=(0.0,))
     assert not away.free and "no floor was scanned there; no place is free" in away.reason
 
@@ -101,11 +103,11 @@ def test_a_robot_stands_in_a_hole_amid_scanned_floor_but_not_in_a_shaft(shaft: b
     slabs = [
         ((-2.0, -2.0), (0.65, 2.0)),
         ((1.3, -2.0), (3.0, 2.0)),
-        ((0.65, -2.0), (1.3, -0.6)),
-        ((0.65, 0.6), (1.3, 2.0)),
+        ((0.65, -2.0), (1.3, -0.8)),
+        ((0.65, 0.8), (1.3, 2.0)),
     ]
     solids = [box(*zip(low, high, strict=True), (-0.05, 0.0)) for low, high in slabs]
-    solids += [box((0.65, 1.3), (-0.6, 0.6), (-1.05, -1.0))] if shaft else []
+    solids += [box((0.65, 1.3), (-0.8, 0.8), (-1.05, -1.0))] if shaft else []
     scene = clean_cabinet_room()
     floor = replace(scene.parts["floor_2"], mesh=merge([Mesh(solid.vertices, solid.faces) for solid in solids]))
     stands = base(replace(scene, parts={**scene.parts, "floor_2": floor}), pedestals=(0.0,))
@@ -196,8 +198,8 @@ def test_where_no_place_is_free_the_stage_says_so() -> None:
 def test_inverse_kinematics_are_not_asked_for_where_the_robot_starts_in_something(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # A slab at the height of the elbow at home, 0.9 m before the furniture: a robot on the floor starts in it everywhere.
-    slab = with_block((0.7, -3.0, 0.5), (3.0, 3.0, 0.52))
+    # A slab at the height of the elbow at home, 0.75 m before the furniture: a robot on the floor starts in it everywhere.
+    slab = with_block((0.55, -3.0, 0.5), (3.0, 3.0, 0.52))
     asked: list[int] = []
 
     def counted(kin: Kinematics, poses: np.ndarray, bases: np.ndarray, *more: object) -> list[np.ndarray]:

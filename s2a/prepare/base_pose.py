@@ -197,6 +197,7 @@ class ScannedSurfaces:
     still: Obstacles  # those that do not move with the part
     shape: RobotShape  # of the robot
     _starts: dict[tuple[object, ...], Penetration] = field(default_factory=dict)
+    _paths: dict[tuple[object, ...], Penetration] = field(default_factory=dict)
 
     @cached_property
     def _home(self) -> np.ndarray:
@@ -221,7 +222,12 @@ class ScannedSurfaces:
 
     def meets(self, stand: Stand, path: np.ndarray) -> Penetration:
         """Return the deepest collision on a joint path [pose arm] to the handle and with it, and on the way there from home."""
-        depth, owner = self._robot(stand, path[1:], moving=False)
+        # A base that is turned under its arm has the same one.
+        same = path + stand.turn * np.eye(path.shape[1])[0]
+        key = (_facing(stand).tobytes(), stand.base[:3, 3].round(6).tobytes(), stand.pedestal, same.round(6).tobytes())
+        if key not in self._paths:
+            self._paths[key] = self._robot(stand, path[1:], moving=False)
+        depth, owner = self._paths[key]
         if depth > SLACK:
             return depth, f"{owner} on its path"
         reach = straight(self._home, path[0])

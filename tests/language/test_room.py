@@ -138,6 +138,14 @@ def test_a_room_without_labels_offers_a_table_by_its_height() -> None:
     assert mug is not None
     (choice, *_) = _choices([line], mug, 0.1)
     assert (choice["target"], choice["height"]) == ("unannotated_1", 0.74)
+    # A table top alone is no floor: 0.74 m above the lowest point of its leg.
+    alone = {"unannotated_1": Part("unannotated", merge([sheet((0, 1.2), (0, 0.6), 0.74), block(0.02, 0.02, 0.4)]))}
+    (line,) = describe.describe(Scene("room", alone), describe.survey(Scene("room", alone), RegionConfig()))
+    assert line["supports"][0]["like"] == "table-like"
+    # A low thing that the capture calls a table is a coffee table.
+    low = Scene("room", {"floor_1": Part("floor", sheet((-2, 3), (-2, 2.6), 0.0, 0.05)),
+                         "table_2": Part("table", sheet((0, 1.2), (0, 0.6), 0.45))})  # fmt: skip
+    assert "table_2.coffee table" in RoomState(low, "", SURFACE).named.parts
     # Where the room names a table, that is meant.
     named = Scene("room", {"table_2": Part("table", sheet((0, 1.2), (-1.6, -1.0), 0.70)), **scene.parts})
     lines = describe.describe(named, describe.survey(named, RegionConfig()))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 from rough_furniture import at, block, frame, sheet, walls
 
 from s2a.language.insert.supports import is_basin, target_regions
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.regions import RegionConfig
-from s2a.scene.scene import Joint, Part, Scene
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 REGIONS = RegionConfig()
 HINGE = Joint("revolute", (0.0, 0.0, 1.0), (0.5, 0.2, 0.0), (0.0, 1.5))
@@ -45,3 +46,20 @@ def test_a_walled_floor_is_no_basin_and_a_tub_is_one() -> None:
         largest = max(regions, key=lambda region: region.area)
         assert largest.rim_fraction > 0.5
         assert is_basin(largest) is basin
+
+
+def test_a_seat_with_waves_carries_between_its_arms_and_not_on_its_back() -> None:
+    seat = sheet((-0.9, 0.9), (-0.3, 0.3), 0.45, 0.02)
+    waves = 0.02 * np.sin(9 * seat.vertices[:, 0]) * np.sin(11 * seat.vertices[:, 1])
+    seat = Mesh(seat.vertices + np.stack([0 * waves, 0 * waves, waves], axis=1), seat.faces)
+    back = sheet((-0.9, 0.9), (0.32, 0.62), 0.85)
+    parts = {label: Part(label, merge([seat, back])) for label in ("couch", "counter")}
+    scene = Scene("room", parts | {"floor": Part("floor", sheet((-2, 2), (-2, 2), 0.0, 0.1))})
+    (region, *rest) = target_regions(scene, "couch", REGIONS, ("horizontal",))
+    # 1.8 x 0.6 m, carried by its waves' tops; a level support of this noise is in pieces, and has its back as another one.
+    assert region.area > 0.9
+    assert 0.45 < region.height < 0.475
+    assert all(one.height < 0.6 for one in rest)
+    level = target_regions(scene, "counter", REGIONS, ("horizontal",))
+    assert max((one.area for one in level if one.height < 0.6), default=0.0) < 0.6
+    assert any(one.height > 0.8 for one in level)

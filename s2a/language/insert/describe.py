@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import replace
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from s2a.language.grammar import is_kind_of
 from s2a.language.insert.fit import NoRoom, swept_volumes
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.search import floor_height
-from s2a.language.insert.supports import SurfaceConfig, is_basin, target_mesh, target_regions
+from s2a.language.insert.supports import SurfaceConfig, is_basin, is_floor, target_mesh, target_regions
 from s2a.scan.rest import UNANNOTATED
 from s2a.scene.geometry.mesh_ops import keep, normals
 from s2a.scene.geometry.regions import Region, RegionConfig
@@ -32,8 +31,8 @@ ALONG = 0.3
 """Largest gap between a wall and what stands or hangs along it [m]."""
 BAND = (1.2, 1.8)
 """Heights between which what is along a wall leaves no gap [m]."""
-NARROW, WALL_COUNT = 0.3, 3
-"""Smallest gap that is named [m], and the most gaps."""
+NARROW, WALL_COUNT, SPAN = 0.3, 3, 0.05
+"""Smallest gap that is named [m], the most gaps, and the steps along a wall [m]."""
 
 
 def is_wall(label: str) -> bool:
@@ -42,29 +41,54 @@ def is_wall(label: str) -> bool:
 
 
 def wall_line(scene: Scene, part_id: str) -> dict[str, Any]:
-    """Return the keys along (ids, in order) and free (widths [m], the widest first) of a wall; none if it has no one side."""
+    """Return the keys along (ids, in order) and free (widths [m], the widest first) of a wall; none if it has no one side.
+
+    Free is what has the wall's own surface at eye level, and nothing close before it.
+    """
     box = upright_box(silhouette(scene.parts[part_id].mesh.vertices))
     turn = box.yaw + (0.0 if box.size[0] >= box.size[1] else np.pi / 2)
     half, thick = max(box.size[:2]) / 2, min(box.size[:2]) / 2
     if 2 * thick > THICKEST:
         return {}
-    along = np.array([np.cos(turn), np.sin(turn)])
-    across = np.array([-along[1], along[0]])
-    neighbours: list[tuple[float, float, str, bool]] = []
+    axes = np.array([(np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))])
+
+    def local(mesh: Mesh) -> np.ndarray:
+        level = (mesh.vertices[:, :2] - box.center[:2]) @ axes.T
+        return np.column_stack([level, mesh.vertices[:, 2] - floor])[mesh.faces]
+
+    floor = floor_height(scene)
+    neighbours: list[tuple[float, str]] = []
+    taken = np.zeros(max(1, int(2 * half / SPAN)), bool)
     for other, part in scene.parts.items():
         if other == part_id or _is_no_thing(scene, other):
             continue
-        points = part.mesh.vertices
-        off = (points[:, :2] - box.center[:2]) @ across
-        span = (points[:, :2] - box.center[:2]) @ along
+        corners = local(part.mesh)
+        span, off = corners[..., 0], corners[..., 1]
         gap = max(float(off.min()) - thick, -thick - float(off.max()))
         first, last = max(-half, float(span.min())), min(half, float(span.max()))
-        if gap <= ALONG and last - first > 0.02:
-            low, high = points[:, 2].min(), points[:, 2].max()
-            neighbours.append((first, last, other, bool(low < BAND[1] and high > BAND[0])))
-    neighbours.sort(key=lambda one: (one[0] + one[1]) / 2)
-    free = _gaps([one[:2] for one in neighbours if one[3]], half)
-    return {"along": [one[2] for one in neighbours]} | ({"free": free} if free else {})
+        if gap > ALONG or last - first <= 0.02:
+            continue
+        if part.label == UNANNOTATED:  # all the room: only what is before the wall, and not the rest of that itself
+            corners = corners[(np.abs(off) > thick + NEAR).any(axis=1)]
+        else:
+            neighbours.append(((first + last) / 2, other))
+        near = corners[np.abs(corners[..., 1]).min(axis=1) <= thick + ALONG]
+        taken |= _covered(near, len(taken), half, BAND)
+    own = local(scene.parts[part_id].mesh)
+    bare = np.logical_and.reduce(
+        [_covered(own, len(taken), half, (height, height)) for height in (*BAND, np.mean(BAND))]
+    )
+    free = _gaps(bare & ~taken, 2 * half / len(taken))
+    return {"along": [one for _, one in sorted(neighbours)]} | ({"free": free} if free else {})
+
+
+def _covered(corners: np.ndarray, count: int, half: float, band: tuple[float, float]) -> np.ndarray:
+    """Return which of some intervals along a wall triangles cover in a band of heights [m]; corners [face 3 3]."""
+    high = corners[(corners[..., 2].min(axis=1) <= band[1]) & (corners[..., 2].max(axis=1) >= band[0]), :, 0]
+    cells = np.clip((np.stack([high.min(axis=1), high.max(axis=1)]) + half) * count / (2 * half), -1, count).astype(int)
+    edges = np.bincount(np.clip(cells[0], 0, count), minlength=count + 1)[: count + 1].astype(float)
+    edges -= np.bincount(np.clip(cells[1] + 1, 0, count), minlength=count + 1)[: count + 1]
+    return np.asarray(np.cumsum(edges)[:count] > 0)
 
 
 def _is_no_thing(scene: Scene, part_id: str) -> bool:
@@ -75,14 +99,11 @@ def _is_no_thing(scene: Scene, part_id: str) -> bool:
     return part.parent is not None or is_wall(part.label) or part.label.lower() in ("floor", "ceiling")
 
 
-def _gaps(taken: list[tuple[float, float]], half: float) -> list[float]:
-    """Return the widths of what some intervals leave of a wall from -half to half [m], the widest first."""
-    at, widths = -half, []
-    for first, last in sorted(taken):
-        widths.append(first - at)
-        at = max(at, last)
-    widths.append(half - at)
-    return sorted((round(float(gap), 1) for gap in widths if gap >= NARROW), reverse=True)[:WALL_COUNT]
+def _gaps(free: np.ndarray, width: float) -> list[float]:
+    """Return the widths of the runs of free intervals of a width [m], the widest first."""
+    runs, count = ndimage.label(free)
+    widths = (round(float((runs == run).sum() * width), 1) for run in range(1, count + 1))
+    return sorted((one for one in widths if one >= NARROW), reverse=True)[:WALL_COUNT]
 
 
 Supports = dict[str, list[Region]]
@@ -99,14 +120,23 @@ COUNT = 6
 """Described supports per part."""
 SMALL, REACH = 0.5, 2.2
 """Parts without a side this long [m] are small objects, not furniture; above this height [m] parts are out of reach."""
+UNDER = 0.3
+"""Largest height of a floor without a name over the lowest point of the scan [m]."""
 NEAR = 0.03
 """An object whose underside is this close to a support stands on it [m]: the noise of a scan and of its plane."""
 
 
 # Least free area [m^2] and clearance [m] of a described support of what nobody annotated, and how many are described
 BARE, ROOM, BARE_COUNT = 0.03, 0.15, 16
-# Heights up to which such a surface is like a floor, a seat, ... [m]
-LIKENESS = ((0.2, "floor-like"), (0.55, "seat-like"), (0.82, "table-like"), (1.15, "counter-like"), (1.9, "shelf-like"))
+NAMELESS = (UNANNOTATED, "object")
+"""Labels that name no kind of thing."""
+LIKENESS = ((0.2, "floor-like"), (0.56, "seat-like"), (0.82, "table-like"), (1.15, "counter-like"), (1.9, "shelf-like"))
+"""Heights above the floor up to which a surface without a name is like a floor, a seat, ... [m]."""
+HIGH = "out of reach"
+FURNITURE = {"coffee table": "seat-like", "table": "table-like", "counter": "counter-like"}
+"""What a wish may call such surfaces, where the room has none by that name."""
+TOP = 0.15
+"""Least area of these together [m^2]: seats have less, or backs."""
 
 
 def survey(scene: Scene, config: RegionConfig, part_ids: Iterable[str] | None = None) -> Supports:
@@ -121,8 +151,8 @@ def describe(scene: Scene, supports: Supports) -> list[dict[str, Any]]:
     supports (kind, height [m], free area [m^2], diameter of the largest free circle [m], room above [m] of each, the largest
     first). Doors and drawers have no box, nor has what carries nothing and is small or out of reach.
     """
-    on = carriers(scene)
-    return [_line(scene, part_id, supports, on.get(part_id)) for part_id in shown(scene)]
+    on, floor = carriers(scene), _zero(scene, supports)
+    return [_line(scene, part_id, supports, on.get(part_id), floor) for part_id in shown(scene)]
 
 
 def text(lines: list[dict[str, Any]]) -> str:
@@ -143,23 +173,36 @@ def shown(scene: Scene) -> list[str]:
     return [i for i, part in parts if len(part.mesh.faces) and i not in hidden and not part.graspable]
 
 
-def worth(regions: list[Region], foot: float = FOOT, whole_room: bool = False) -> list[Region]:
+def worth(regions: list[Region], foot: float = FOOT, whole_room: bool = False, floor: float = 0.0) -> list[Region]:
     """Return the regions with a free circle of some diameter [m], those with the most free area first.
 
-    `whole_room`: They are of all that nobody annotated: a table is small beside the floor.
+    `whole_room`: They are of all that nobody annotated: a table is small beside the floor, at some height [m], and no kind of
+    surface takes the place of all others.
     """
     largest = 0.0 if whole_room else max((region.free_area for region in regions), default=0.0)
     free = [region for region in regions if region.free_area >= max(WORTH, SLIVER * largest) and circle(region) >= foot]
     if whole_room:
         free = [region for region in free if region.free_area >= BARE and region.clearance >= ROOM]
+        free.sort(key=lambda region: -region.free_area)
+        alike = [[one for one in free if likeness(one, floor) == name][:COUNT] for _, name in (*LIKENESS, (0.0, HIGH))]
+        free = [one for some in alike for one in some]
     return sorted(free, key=lambda region: -region.free_area)[: BARE_COUNT if whole_room else COUNT]
 
 
-def likeness(region: Region, regions: list[Region]) -> str:
-    """Return what a surface that nobody annotated is like, by its height above the lowest large one."""
-    large = 0.25 * max(other.area for other in regions)
-    above = region.height - min(other.height for other in regions if other.area >= large)
-    return next((name for height, name in LIKENESS if above < height), "out of reach")
+def likeness(region: Region, floor: float) -> str:
+    """Return what a surface without a name is like, by its height above a floor [m]."""
+    return next((name for height, name in LIKENESS if region.height - floor < height), HIGH)
+
+
+def _zero(scene: Scene, supports: Supports) -> float:
+    """Return the height of the floor [m]: of the part of that name, else of the lowest large surface if little is below it."""
+    lowest = floor_height(scene)
+    if any(is_floor(scene, i) for i in scene.parts):
+        return lowest
+    regions = [region for some in supports.values() for region in some]
+    large = 0.25 * max((region.area for region in regions), default=0.0)
+    level = min((region.height for region in regions if region.area >= large), default=lowest)
+    return level if level < lowest + UNDER else lowest  # a table top alone has no floor
 
 
 def circle(region: Region) -> float:
@@ -228,12 +271,12 @@ def _supports(scene: Scene, part_id: str, config: RegionConfig) -> list[Region]:
     return target_regions(scene, part_id, config, ("horizontal", "inside"))
 
 
-def _line(scene: Scene, part_id: str, supports: Supports, on: str | None) -> dict[str, Any]:
-    """Return the description of one part, `on` another one."""
+def _line(scene: Scene, part_id: str, supports: Supports, on: str | None, floor: float) -> dict[str, Any]:
+    """Return the description of one part, `on` another one; `floor`: its height [m]."""
     part, box = scene.parts[part_id], box_of(scene, part_id)
     small = part.parent is None and max(box.size) < SMALL
-    bare, own = part.label == UNANNOTATED, supports.get(part_id, [])
-    carries = worth(own, 2.0 * FOOT if small or bare else FOOT, bare)
+    bare, nameless, own = part.label == UNANNOTATED, part.label in NAMELESS, supports.get(part_id, [])
+    carries = worth(own, 2.0 * FOOT if small or bare else FOOT, bare, floor)
     line: dict[str, Any] = {"id": part_id, "label": part.label}
     if part.parent is not None:
         line["part_of"] = part.parent
@@ -244,7 +287,9 @@ def _line(scene: Scene, part_id: str, supports: Supports, on: str | None) -> dic
     if carries or not (small or box.center[2] - box.size[2] / 2 > REACH):
         line |= {"center": _rounded(box.center), "size": _rounded(box.size)}
     if carries:
-        line["supports"] = [support(region) | ({"like": likeness(region, own)} if bare else {}) for region in carries]
+        line["supports"] = [
+            support(region) | ({"like": likeness(region, floor)} if nameless else {}) for region in carries
+        ]
     if is_wall(part.label):
         line |= wall_line(scene, part_id)
     return line
@@ -269,32 +314,37 @@ def _rounded(values: Iterable[float]) -> list[float]:
     return [round(float(value), CENTIMETRES) + 0.0 for value in values]
 
 
-NAMELESS = ("unannotated", "object")
-"""Labels that name no kind of thing."""
-HIGH_AS = {"coffee table": (0.35, 0.56), "table": (0.62, 0.8), "counter": (0.84, 1.12)}
-"""Heights of the tops of furniture above the floor [m]."""
-TOP = 0.15
-"""Least area of such a top [m^2]: seats have less, or backs."""
-
-
 def _nameless(scene: Scene, supports: Supports) -> dict[str, Part]:
-    """Return a part for each unlabelled support that is as high as a kind of furniture of which the room has none by name."""
+    """Return a part for each support that is as high as a kind of furniture of which the room has none by name.
+
+    It has no name, or that of a table: a low one is a coffee table.
+    """
     parts: dict[str, Part] = {}
-    floor, labels = floor_height(scene), [part.label for part in scene.parts.values()]
-    kinds = {kind: span for kind, span in HIGH_AS.items() if not any(is_kind_of(label, kind) for label in labels)}
-    for target, kind in product((i for i in supports if scene.parts[i].label in NAMELESS), kinds):
-        mesh, (low, high) = scene.parts[target].mesh, kinds[kind]
-        tops = [region for region in supports[target] if low <= region.height - floor <= high]
-        if sum(region.area for region in tops) < TOP:
+    floor, labels = _zero(scene, supports), [part.label for part in scene.parts.values()]
+    for kind, like in FURNITURE.items():
+        if any(is_kind_of(label, kind) for label in labels):
             continue
-        own = np.zeros(len(mesh.faces), bool)
-        for region in tops:
-            cells = region.places(mesh.vertices[mesh.faces].mean(axis=1))
-            row, column = np.clip(np.floor(cells[:, :2]).astype(int), 0, np.array(region.support.shape) - 1).T
-            own |= region.support[row, column] & (np.abs(cells[:, 2]) < NEAR)
-        if own.any():
-            parts[f"{target}.{kind}"] = Part(kind, keep(mesh, own))
-    return parts
+        named = [i for i in supports if scene.parts[i].label == "table" and kind == "coffee table"]
+        for some in (named, [i for i in supports if scene.parts[i].label in NAMELESS]):
+            tops = {i: [one for one in supports[i] if likeness(one, floor) == like] for i in some}
+            large = {i: own for i, own in tops.items() if sum(region.area for region in own) >= TOP}
+            parts |= {
+                f"{i}.{kind}": Part(kind, keep(scene.parts[i].mesh, _of(scene.parts[i].mesh, own)))
+                for i, own in large.items()
+            }
+            if large:
+                break
+    return {i: part for i, part in parts.items() if len(part.mesh.faces)}
+
+
+def _of(mesh: Mesh, regions: list[Region]) -> np.ndarray:
+    """Return which faces of a surface belong to some of its regions, shape [face]."""
+    own = np.zeros(len(mesh.faces), bool)
+    for region in regions:
+        cells = region.places(mesh.vertices[mesh.faces].mean(axis=1))
+        row, column = np.clip(np.floor(cells[:, :2]).astype(int), 0, np.array(region.support.shape) - 1).T
+        own |= region.support[row, column] & (np.abs(cells[:, 2]) < NEAR)
+    return own
 
 
 class RoomState:

@@ -337,6 +337,8 @@ def _why(region: Region, object: Mesh) -> str:
 
 TRIED = 4
 """Regions tested per target."""
+AHEAD = 0.6
+"""Least depth before what hangs, for it to be seen [m]."""
 MEANT = 0.04
 """Largest difference between the height in a plan and that of the region it refers to [m]."""
 
@@ -465,6 +467,8 @@ def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
 
     def merit(region: Region) -> tuple[bool, bool, float]:
         meant = choice.height is not None and abs(region.height - choice.height) < MEANT
+        if region.kind == "vertical":  # where one sees it
+            return meant, True, float((region.support & (region.clearances >= AHEAD)).sum() * region.cell**2)
         return meant, region.kind == choice.surface, region.free_area
 
     fitting = [

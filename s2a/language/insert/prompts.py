@@ -83,8 +83,7 @@ The room comes as JSON, a line a part. Lengths are in metres, z is up, the floor
 - center and size of its upright box, which may be turned about z.
 - supports: level surfaces that can carry things, each a list: kind, height above the floor, free area in m^2, diameter of the
   largest free circle, free height above it. Kinds: "horizontal" is a top, "inside" is a compartment with something of the
-  same part above it, "basin" is surrounded by a rim: a sink, a tub, a tray. A last word says
-  what a surface that nobody annotated is like by its height: "table-like", "seat-like".
+  same part above it, "basin" is surrounded by a rim: a sink, a tub, a tray.
 - along: of a wall, what stands or hangs there, in order; free: widths of the gaps between that at eye level, the widest first.
 - Lines with "things" have the ids of small things, and what they stand on, if that is known.
 Things can hang on the upright sides of walls and furniture.
@@ -205,6 +204,10 @@ Example. {{"id":"coffee_mug_41","label":"coffee mug","reference":"objects/coffee
 Answer with the script alone, without explanations."""
 
 
+# Of a room whose scan names some surfaces nothing; not in the system prompt, by which recorded answers are found
+NAMELESS = """A last word of a support says what a surface without a name is like by its height, such as "table-like"; a part
+without a name may have several pieces of furniture in it, and walls to hang things on.
+"""
 # Relations of a plan to things of the room
 PLACES = ("left", "right", "front", "behind", "above", "between", "back edge", "front edge", "corner", "middle")
 AXIS = {"type": "string", "enum": ["+x", "-x", "+y", "-y", "+z", "-z"]}
@@ -248,12 +251,13 @@ SCALE_SCHEMA = object_schema(
 def plan_question(facts: Mapping[str, Any], room: str) -> str:
     """Return the question of where an object belongs; ends on which it cannot stand, or that are closed, are left out."""
     wish = f"\nThe wish: {facts['wish']}" if facts.get("wish") else ""
+    note = NAMELESS if any("like" in one for line in facts.get("room", ()) for one in line.get("supports", ())) else ""
     described = {"label": facts["label"], "sides": facts["sides"], "format": facts["format"], "stated_up": facts["up"]}
     described |= {name: {axis: share for axis, share in facts[name].items() if share} for name in ("feet", "hollow")}
     described |= {"slices": facts["slices"]}
     colours = facts.get("varied", {})
     described |= {"colours": colours} if any(colours.values()) else {}
-    return f"The room:\n{room}\n\nThe object: {_json(described)}{wish}"
+    return f"The room:\n{room}\n{note}\nThe object: {_json(described)}{wish}"
 
 
 def review_question(facts: Mapping[str, Any]) -> str:

@@ -17,6 +17,7 @@ from s2a.language.grammar import BEDDING, is_kind_of
 from s2a.language.insert.plan import CHOICES, FLAT, Range
 from s2a.language.insert.prompts import write_script
 from s2a.language.insert.stable_pose import AXES, sideways
+from s2a.scan.rest import UNANNOTATED
 
 FOLDER = Path(__file__).parent
 LIKE = 0.86
@@ -156,8 +157,8 @@ SPREAD, UPRIGHT_SPREAD = 0.4, 0.2
 """Standard deviation of the logarithm of height over longest side, within a kind; of one whose height is its longest side."""
 MIRRORED, MOST = 2.0, 0.2
 """Weight of what differs along an axis between its ends, and the most that counts: few objects are the same above and below."""
-ROUND, ALIKE = 0.5, 0.05
-"""Weight of two sides that are alike, to that fraction: a cup, a plate or a tin has its axis upright."""
+ROUND, ALIKE, FULL = 0.5, 0.05, 0.95
+"""Weight of two sides that are alike, to that fraction, and how much of its box what is round fills less than: cups and tins."""
 ANYWHERE = tuple("on table|on desk|on counter|on shelf|inside shelf|on cabinet|on nightstand|on dresser".split("|"))
 """Places for unknown objects, and for hand-held ones none of whose places exist in the room; never the floor."""
 COLOURED = 8.0
@@ -166,10 +167,12 @@ FLATTER, FRAMED = 0.05, 0.3
 """Differences of a front and a back: of the tilt margins, as fractions of a right angle, and of the hollow fractions."""
 UNEVEN = 0.5
 """Difference of the cross-sections at the ends of an axis, two slices each, from which it is the one from front to back."""
-SHEET = 0.12
+SHEET = 0.15
 """Thinnest side over the longest below which what hangs is a sheet, which faces along it."""
-SOFT = ("bed", "sofa", "armchair", "couch")
+SOFT = ("bed", "sofa", "armchair", "couch", "chair", "bench")
 """What carries pillows and blankets, which belong on no table."""
+LOW_TABLE = 0.56
+"""Height below which a table is a coffee table [m]."""
 HAND_HELD = 0.6
 """Longest side of what may be put down anywhere [m]."""
 
@@ -204,7 +207,7 @@ def _plan(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
     choices = wished["choices"] or _choices(facts["room"], entry, _breadth(facts, entry, up))
     if up == facts.get("tried_up", up):
         choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
-    front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
+    front = _front(facts, up)
     if choices and choices[0]["relation"] == "hanging":
         up, front = _flat(facts, entry)
     plan = {"up": up, "front": front, "near": wished["near"], "choices": choices[:CHOICES]}
@@ -227,7 +230,8 @@ def _choices(room: list[dict[str, Any]], entry: ObjectKind | None, breadth: floa
     What belongs to none of them is put anywhere only if it is hand-held: the rest is refused rather than misplaced.
     """
     own = _existing(room, entry.places if entry else (), breadth)
-    anywhere = entry is None or (entry.longest[1] <= HAND_HELD and entry.places[0][1] not in SOFT and _stands(entry))
+    soft = entry is not None and all(where in SOFT for _, where in entry.places)
+    anywhere = entry is None or (entry.longest[1] <= HAND_HELD and not soft and _stands(entry))
     others = _existing(room, tuple(_place(place) for place in ANYWHERE), breadth) if anywhere else []
     options = own + [one for one in others if one not in own]
     return [{key: value for key, value in option.items() if key not in ("free", "circle")} for option in options]
@@ -264,7 +268,10 @@ def _existing(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], b
 def _is_meant(line: dict[str, Any], where: str) -> bool:
     """Return True if a part is what the table names; a bed is slept on with its blanket on it."""
     covers = where == "bed" and line["label"].lower() in BEDDING and max(line.get("size", (0.0,))[:2]) > 0.9
-    return covers or is_kind_of(line["label"], where)
+    # Captures label a coffee table as a table.
+    heights = [one["height"] for one in line.get("supports", ())]
+    low = where == "coffee table" and line["label"] == "table" and max(heights, default=LOW_TABLE) < LOW_TABLE
+    return covers or low or is_kind_of(line["label"], where)
 
 
 def _options(line: dict[str, Any], how: str, room: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -272,6 +279,7 @@ def _options(line: dict[str, Any], how: str, room: list[dict[str, Any]]) -> list
     target = {"target": line["id"], "reason": f"the table says: {how} {line['label']}"}
     if how == "hanging" and "size" in line:
         high, wide = line["size"][2], max(line["size"][:2])
+        wide = line.get("free", (0.0,))[0] if "along" in line else wide  # a wall has gaps, or none at eye level
         free = {"free": high * wide, "circle": min(high, wide)}
         return [{**target, "surface": "vertical", "relation": "hanging", "height": None, **free}]
     if how == "against":
@@ -288,10 +296,14 @@ def _options(line: dict[str, Any], how: str, room: list[dict[str, Any]]) -> list
     ]
 
 
-# What surfaces that nobody annotated may stand for
+WALL_HEIGHT = 1.5
+"""Least height of a part without a name that may have walls [m]."""
+SEAT = 0.2
+"""Free area from which a surface at the height of a seat is more than a chair [m^2]."""
+# What surfaces without a name may stand for
 ALIKE_KINDS = {
     "floor-like": ("floor",),
-    "seat-like": ("bed", "sofa", "armchair", "couch", "chair", "coffee table"),
+    "seat-like": ("bed", "sofa", "armchair", "couch", "chair", "coffee table", "bench"),
     "table-like": ("table", "desk", "nightstand", "dresser", "cabinet", "counter", "kitchen counter"),
     "counter-like": ("counter", "kitchen counter", "cabinet", "dresser", "desk", "table"),
     "shelf-like": ("shelf", "bookshelf", "cabinet"),
@@ -299,9 +311,13 @@ ALIKE_KINDS = {
 
 
 def _alike(line: dict[str, Any], how: str, where: str, room: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the choices for a relation of the table on surfaces that nobody annotated, where the room has no named one."""
+    """Return the choices for a relation of the table on surfaces without a name, where the room has no named one."""
+    if how == "hanging":
+        tall = line["label"] == UNANNOTATED and line.get("size", (0.0,) * 3)[2] >= WALL_HEIGHT
+        return _options(line, how, room) if where == "wall" and tall else []
     fitting = [s for s in line.get("supports", ()) if where in ALIKE_KINDS.get(s.get("like", ""), ())]
-    return _options(line | {"supports": fitting}, how, room) if fitting and how != "hanging" else []
+    fitting = [s for s in fitting if s["like"] != "seat-like" or s["free"] >= SEAT or where in ("armchair", "chair")]
+    return _options(line | {"supports": fitting}, how, room) if fitting else []
 
 
 def _free(support: dict[str, Any]) -> dict[str, float]:
@@ -323,12 +339,14 @@ def _merit(facts: Any, entry: ObjectKind | None, axis: str) -> float:
     flat = entry is not None and _usual(entry) < LOW
     feet = facts["feet"].get(axis, 0.0)
     firm = min(1.0, feet / (STEADY if flat else FIRM)) + FIRMER * min(feet, FIRMEST)
-    # Containers have their opening up.
+    # Containers have their opening up, and lamps their shade.
     mouth = MOUTH * (facts["hollow"].get(axis, 0.0) - facts["hollow"].get(_opposite(axis), 0.0))
     slices = facts.get("slices", {}).get(axis[1], ())
+    if slices and entry is not None and entry.noun.endswith("lamp"):
+        mouth = MOUTH * (sum(slices[3:]) - sum(slices[:2])) * (1.0 if axis[0] == "+" else -1.0)
     ends = MIRRORED * min(MOST, sum(abs(one - other) for one, other in zip(slices, slices[::-1], strict=True)) / 5)
     one, other = (side for name, side in zip("xyz", facts["sides"], strict=True) if name != axis[1])
-    turned = ROUND if abs(one - other) <= ALIKE * max(one, other) else 0.0
+    turned = ROUND if abs(one - other) <= ALIKE * max(one, other) and max(slices, default=0.0) < FULL else 0.0
     habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.2 if axis == facts["up"] else 0.0)
     return (firm + mouth + ends + turned) * _fit(facts, entry, axis) + habit
 
@@ -352,6 +370,15 @@ def _usual(entry: ObjectKind) -> float:
 
 def _opposite(axis: str) -> str:
     return axis.translate(str.maketrans("+-", "-+"))
+
+
+def _front(facts: Any, up: str) -> str:
+    """Return the front of what stands: where its colours tell it from the back, as faces and prints do; else by habit."""
+    varied = {axis: facts.get("varied", {}).get(axis, 0.0) for axis in AXES}
+    most = max(sideways(up), key=varied.__getitem__)
+    if varied[most] - varied[_opposite(most)] > COLOURED:
+        return most
+    return {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
 
 
 def _flat(facts: Any, entry: ObjectKind | None) -> tuple[str, str]:

@@ -27,6 +27,7 @@ BACKED = 0.5  # Share of the rays over a side of a region that must meet somethi
 HEIGHTS = (0.05, 0.15, 0.25)  # Of these rays above the region [m]
 SPREAD = 9  # Of these rays along a side
 TALLEST = 1.7  # Height of furniture over which people hang things [m]
+MARK_DEPTH, MARKED = 0.05, 75.0  # Depth of a wall's surface [m], and from which difference of RGB something is on it
 THIN, OFF = 0.2, 0.12  # What hangs on a wall is at most this deep, and its back at most this far from it [m]
 
 
@@ -67,6 +68,9 @@ class Preferences:
     near: np.ndarray | None  # points of the requested neighbour [m], shape [point 3], or None
     backed: tuple[bool, ...]  # for each of `SIDES`, True if a wall or the like rises beyond it
     aim: tuple[float, float]  # least and largest height of the middle of what hangs [m], scene coordinates
+    marked: np.ndarray | None = (
+        None  # cells of a wall that something without depth is on, shape [row column]; None: unknown
+    )
 
 
 def preferences(
@@ -75,7 +79,8 @@ def preferences(
     """Return the preferences for an object of a height [m] on a region of a target, near a part if one is named."""
     points = None if near is None else target_mesh(scene, near).vertices
     if region.kind == "vertical":
-        return Preferences(False, points, (False,) * 4, _aim(scene, region, target, points, height, config))
+        aim = _aim(scene, region, target, points, height, config)
+        return Preferences(False, points, (False,) * 4, aim, _marked(target_mesh(scene, target), region))
     return Preferences(against, points, _backed(scene, region, config.backed_reach), (0.0, 0.0))
 
 
@@ -169,12 +174,33 @@ def hanging_score(
     heights = region.points(places - pad + 0.5 + middle / region.cell)[:, 2]
     low, high = wanted.aim
     off = np.maximum(low - heights, 0.0) + np.maximum(heights - high, 0.0)
-    hidden = np.pad(region.support & (region.clearances < config.view_distance), pad)
+    hidden = region.support & (region.clearances < config.view_distance)
+    hidden = np.pad(hidden if wanted.marked is None else hidden | wanted.marked, pad)
     some = cells[:: max(1, len(cells) // 200)]
     behind = np.zeros(len(places))
     for cell in some:
         behind += hidden[tuple((places + cell).T)]
     return np.asarray(-config.hang_weight * np.minimum(off / 0.3, 3.0) - config.view_weight * behind / len(some))
+
+
+def _marked(mesh: Mesh, region: Region) -> np.ndarray | None:
+    """Return the cells of an upright region whose colour is not most of the wall's: a poster, a window, a screen."""
+    if mesh.colors is None:
+        return None
+    cells = region.places(mesh.vertices.astype(float))
+    row, column = np.floor(cells[:, :2]).astype(int).T
+    rows, columns = region.support.shape
+    own = (np.abs(cells[:, 2]) <= MARK_DEPTH) & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    if not own.any():
+        return None
+    index, colors = (row * columns + column)[own], mesh.colors[own].astype(float)
+    count = np.bincount(index, minlength=rows * columns).reshape(rows, columns)
+    total = [np.bincount(index, channel, rows * columns).reshape(rows, columns) for channel in colors.T]
+    near = ndimage.distance_transform_edt(count == 0, return_distances=False, return_indices=True)
+    mean = (np.stack(total, axis=2) / np.maximum(count, 1)[..., None])[tuple(near)]
+    away = np.linalg.norm(mean - np.median(mean[region.support], axis=0), axis=2)
+    marked = region.support & (ndimage.median_filter(away, 3) > MARKED)
+    return marked if marked[region.support].mean() < 0.5 else None  # else no colour is the wall's
 
 
 def _aim(

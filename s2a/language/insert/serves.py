@@ -46,7 +46,7 @@ def front(scene: Scene, part_id: str) -> np.ndarray:
     shown = (normals(mesh)[:, :2] * mesh.face_areas[:, None]).sum(axis=0) / max(float(mesh.face_areas.sum()), 1e-9)
     places = _normalised(mesh.vertices, box, sides)
     low, high = mesh.bounds[:, 2]
-    top = np.quantile(places[mesh.vertices[:, 2] > low + TOP * (high - low)], (0.05, 0.95), axis=0).mean(axis=0)
+    top = np.quantile(places[mesh.vertices[:, 2] >= low + TOP * (high - low)], (0.05, 0.95), axis=0).mean(axis=0)
     score = BACKED * (np.roll(closeness, 2) - closeness) + sides @ (INWARD * inward + SHOWN * shown)
     if max(box.size[:2]) > ELONGATED * min(box.size[:2]):
         score[[0, 2] if box.size[0] < box.size[1] else [1, 3]] += LONG

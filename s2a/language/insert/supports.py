@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from s2a.core.bounds import Count, CountFromZero, NotNegative
 from s2a.core.errors import InputError
+from s2a.language.grammar import BEDDING, is_kind_of
 from s2a.language.insert.fit import NoRoom, Pose
 from s2a.scene.geometry.mesh_ops import merge, within
 from s2a.scene.geometry.mesh_query import crossing, kept_ray_mesh, visible_distance
@@ -23,6 +24,14 @@ BASIN, WIDEST_BASIN = 0.5, 1.0
 # What is lower than this and not as long as that lies flat on something; it blocks its place up to a height [m]
 FLAT, LARGE, RAISED = 0.012, 0.5, 0.02
 FAR = 2.0  # Length of the rays that test for a free view [m]
+SOFT = ("sofa", "armchair", "chair", "bed", "bench", "cushion", *BEDDING)
+"""What has waves of some centimetres where one sits or lies."""
+WAVES, SLOPE, SLANT = 0.03, 0.15, 0.5
+"""Largest distance of these from their plane [m], slope of that, and tilt of a face [rad]."""
+LOWEST, PART, BACK = 0.2, 0.3, 0.2
+"""Least height of a seat [m], its least free area over the largest, and from which height above it a surface is a back [m]."""
+WIDER, HIGHEST = 1.5, 0.95
+"""Least free area of a soft region over that of the largest level one, and the quantile of its heights at which it carries."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +106,36 @@ def target_regions(scene: Scene, target: str, config: RegionConfig, kinds: tuple
     own = {target, *scene.descendants(target)} if upright else set(_standing(scene, target))
     others = [part.mesh for part_id, part in scene.parts.items() if part_id not in own] + flat_objects(scene, target)
     mesh = target_mesh(scene, target) if upright else standing_mesh(scene, target)
-    return support_regions(mesh, config, others, kinds)
+    regions = support_regions(mesh, config, others, kinds)
+    if upright or not any(is_kind_of(scene.parts[target].label, one) for one in SOFT):
+        return regions
+    level = max((region.free_area for region in regions if region.kind == "horizontal"), default=0.0)
+    soft = [region for region in _soft_regions(mesh, config, others) if region.free_area >= WIDER * level]
+    # Between its arms and back it is no basin, and what is on it is on its seat.
+    regions = [replace(region, rim_fraction=0.0) for region in [*soft, *regions]]
+    low = bounds_of(scene)[0, 2]
+    above = [region for region in regions if region.kind == "horizontal" and region.height > low + LOWEST]
+    large = PART * max((region.free_area for region in above), default=0.0)
+    seat = min((region.height for region in above if region.free_area >= large), default=np.inf)
+    return [region for region in regions if region.kind != "horizontal" or region.height <= seat + BACK]
+
+
+def _soft_regions(mesh: Mesh, config: RegionConfig, others: list[Mesh]) -> list[Region]:
+    """Return the level regions of a surface with waves, each as high as most of it."""
+    plane = replace(config.plane, tolerance=WAVES, max_slope=SLOPE, max_tilt=SLANT, bin_height=WAVES / 3)
+    regions = support_regions(mesh, replace(config, plane=plane, noise_height=WAVES), others, ("horizontal",))
+    return [_on_its_waves(region, mesh) for region in regions]
+
+
+def _on_its_waves(region: Region, mesh: Mesh) -> Region:
+    """Return a region raised from the middle of its waves to their tops."""
+    cells = region.places(mesh.vertices.astype(float))
+    row, column = np.clip(np.floor(cells[:, :2]).astype(int), 0, np.array(region.support.shape) - 1).T
+    own = cells[region.support[row, column] & (np.abs(cells[:, 2]) <= WAVES), 2]
+    rise = max(float(np.quantile(own, HIGHEST)), 0.0) if len(own) else 0.0
+    return replace(
+        region, origin=region.origin + rise * region.normal, clearances=np.maximum(region.clearances - rise, 0.0)
+    )
 
 
 def target_plane(scene: Scene, target: str, upright: bool, config: RansacConfig) -> tuple[Plane, np.ndarray]:

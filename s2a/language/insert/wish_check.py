@@ -27,6 +27,7 @@ OFF_HEIGHT = 0.1  # Largest error of a height on a wall [m]
 # Largest distance from the foot of what hangs on a wall, and least height of its underside above the floor [m]
 FOOT, HUNG = 0.35, 0.4
 SEEN = 0.5  # Least visible fraction of what is seen from somewhere
+OPPOSITE = -0.5  # Largest cosine between the directions to two things that something is between
 # Heights of the eyes of who sits and of who stands, and how far before a thing [m]
 SITTING, STANDING, BEFORE = 1.15, 1.55, 0.4
 AROUND = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(8) * np.pi / 4])
@@ -208,7 +209,7 @@ class RoomRelations:
         return np.asarray((own_gap <= AREA) | (own_gap <= np.min(others, axis=0, initial=np.inf)))
 
     def _between(self, bodies: PlacedBodies, one: str, other: str) -> np.ndarray:
-        """Return which bodies' middles are between two things and not beside the line from one to the other."""
+        """Return which bodies' middles are between two things: within the width of these, and the two to opposite sides."""
         if one == other:
             return np.zeros(len(bodies.low), bool)
         a, b = (self.mesh(i).bounds.mean(axis=0)[:2].astype(float) for i in (one, other))
@@ -217,7 +218,15 @@ class RoomRelations:
         across = np.array([-line[1], line[0]]) / length
         along, aside = off @ line / length, np.abs(off @ across)
         half = max(float(np.ptp(self._outline(i)[:, :2] @ across)) / 2 for i in (one, other))
-        return np.asarray((0.1 * length < along) & (along < 0.9 * length) & (aside <= max(half, 0.15)))
+        first, second = (self._nearest(bodies, i) - bodies.middle[:, :2] for i in (one, other))
+        apart = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+        opposite = (first * second).sum(axis=1) <= OPPOSITE * np.maximum(apart, 1e-9)
+        return np.asarray((0.1 * length < along) & (along < 0.9 * length) & (aside <= max(half, 0.15)) & opposite)
+
+    def _nearest(self, bodies: PlacedBodies, part_id: str) -> np.ndarray:
+        """Return the points of a thing nearest to bodies' middles in the plan [m], shape [body 2]."""
+        tree = self._tree(part_id, 2)
+        return np.asarray(tree.data[tree.query(bodies.middle[:, :2])[1]])
 
     def _seen_from(self, bodies: PlacedBodies, part_id: str) -> np.ndarray:
         """Return which bodies who uses a thing sees: over a seat, and ahead of it; else before the thing; of a box its top."""

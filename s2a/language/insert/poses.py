@@ -23,7 +23,15 @@ from s2a.language.insert.fit import (
     reaching_into,
 )
 from s2a.language.insert.plan import Choice, Plan
-from s2a.language.insert.search import GridCandidate, Keep, SearchConfig, grid_candidates, occupancy_grid, preferences
+from s2a.language.insert.search import (
+    GridCandidate,
+    Keep,
+    SearchConfig,
+    floor_height,
+    grid_candidates,
+    occupancy_grid,
+    preferences,
+)
 from s2a.language.insert.serves import Fault, PlaceServes
 from s2a.language.insert.stable_pose import LEAN, leaned, slender
 from s2a.language.insert.supports import (
@@ -337,8 +345,8 @@ def _why(region: Region, object: Mesh) -> str:
 
 TRIED = 4
 """Regions tested per target."""
-AHEAD = 0.6
-"""Least depth before what hangs, for it to be seen [m]."""
+AHEAD, HUNG = 0.6, 1.1
+"""Least depth before what hangs, and height over the floor of a wall that serves to hang things on [m]."""
 MEANT = 0.04
 """Largest difference between the height in a plan and that of the region it refers to [m]."""
 
@@ -421,7 +429,7 @@ def _on_regions(
         choice.height is not None and scene.parts[target].label == UNANNOTATED
     ):  # all the room: the floor is no other choice
         candidates = [region for region in candidates if abs(region.height - choice.height) < MEANT]
-    regions = _ordered(candidates, choice)
+    regions = _ordered(candidates, choice, floor_height(scene))
     if not regions:
         raise NoRoom(f"it has no {choice.surface} surface")
     if keep is not None and not upright:
@@ -456,10 +464,17 @@ def _on_plane(
     return CandidatePose(choice, plane.normal, where, described)
 
 
-def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
-    """Return regions in the order in which they match a choice: by height, kind and free area.
+def _seen_cells(region: Region, floor: float) -> int:
+    """Return how many cells of an upright region are high enough over the floor, and have depth before them."""
+    high = region.points(np.argwhere(region.support) + 0.5)[:, 2] >= floor + HUNG
+    return int((high & (region.clearances[region.support] >= AHEAD)).sum())
 
-    What is to be on something does not go into its basin, nor what is to be in it onto its rim, where it has both.
+
+def _ordered(regions: list[Region], choice: Choice, floor: float) -> list[Region]:
+    """Return regions in the order in which they match a choice: by height, kind and free area; `floor`: its height [m].
+
+    What is to be on something does not go into its basin, nor what is to be in it onto its rim, where it has both. What hangs,
+    hangs where it is seen, and above the height of seats and counters where no other is meant.
     """
 
     def within(region: Region) -> bool:
@@ -467,10 +482,13 @@ def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
 
     def merit(region: Region) -> tuple[bool, bool, float]:
         meant = choice.height is not None and abs(region.height - choice.height) < MEANT
-        if region.kind == "vertical":  # where one sees it
-            return meant, True, float((region.support & (region.clearances >= AHEAD)).sum() * region.cell**2)
+        if region.kind == "vertical":
+            return meant, True, float(seen[id(region)])
         return meant, region.kind == choice.surface, region.free_area
 
+    seen = {id(region): _seen_cells(region, floor) for region in regions if region.kind == "vertical"}
+    if seen and choice.height is None:
+        regions = [region for region in regions if seen[id(region)]]
     fitting = [
         region for region in regions if within(region) == (choice.relation == "in" or choice.surface == "inside")
     ]

@@ -76,7 +76,7 @@ def wall_line(scene: Scene, part_id: str) -> dict[str, Any]:
         taken |= _covered(near, len(taken), half, BAND)
     own = local(scene.parts[part_id].mesh)
     bare = np.logical_and.reduce(
-        [_covered(own, len(taken), half, (height, height)) for height in (*BAND, np.mean(BAND))]
+        [_covered(own, len(taken), half, (height, height)) for height in (*BAND, sum(BAND) / 2)]
     )
     free = _gaps(bare & ~taken, 2 * half / len(taken))
     return {"along": [one for _, one in sorted(neighbours)]} | ({"free": free} if free else {})

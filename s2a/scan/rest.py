@@ -317,26 +317,30 @@ def _tail(
     axes = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
     a, b, c = (points @ axes.T)[faces.T]
     top, bottom = np.maximum(np.maximum(a, b), c), np.minimum(np.minimum(a, b), c)
-    best, tail = WORTH, None
+    best, tail, total = WORTH, None, float(area.sum())
     for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))[: 6 if lifted else 5]:
         end, other = (top[:, axis], bottom[:, axis]) if sign > 0 else (-bottom[:, axis], -top[:, axis])
-        order = np.argsort(-end, kind="stable")
-        ends, low = end[order], float(other.min())
-        left, length = np.append(ends[1:], low) - low, float(ends[0]) - low
+        low, high = float(other.min()), float(end.max())
+        bins = ((high - end) / BIN).astype(int)
+        # Pieces that together are more than a tail are not looked at.
+        few = np.flatnonzero(bins <= np.searchsorted(np.cumsum(np.bincount(bins, area)), TAIL * total, side="right"))
+        order = few[np.argsort(-end[few], kind="stable")]
+        left, length, bins = np.append(end[order[1:]], low) - low, high - low, bins[order]
         areas = np.cumsum(area[order])
-        share = areas / areas[-1]
-        bins = ((ends[0] - ends) / BIN).astype(int)
+        share = areas / total
         spilled = np.cumsum(np.bincount(bins, border[order]) >= BIN)[bins] / (bins + 1)
         weight = np.interp(spilled, BETWEEN, (FREE, SPILLED))
         gain = np.log((length + NOISE) / (left + NOISE)) - weight * share
-        gain[(share > (TAIL if axis < 2 else SMALL)) | (areas[-1] - areas < least)] = -1.0
+        gain[(share > (TAIL if axis < 2 else SMALL)) | (total - areas < least)] = -1.0
         gain[share < DUST] += WORTH / 3
         for first, until in itertools.pairwise((0.0, DUST, 0.06, 1.0)):
             last = int(np.argmax(np.where((first <= share) & (share < until), gain, -1.0)))
             if gain[last] <= best:
                 continue
             across = np.delete(axes, axis, axis=0)
-            rest = np.ptp(middle[order[last + 1 :]] @ across.T, axis=0)
+            stays = np.ones(len(middle), bool)
+            stays[order[: last + 1]] = False
+            rest = np.ptp(middle[stays] @ across.T, axis=0)
             wide = np.ptp(np.quantile(middle[order[: last + 1]] @ across.T, (0.05, 0.95), axis=0), axis=0)
             plate = structure and left[last] < min(PLATE[0], rest.min() / 2) and share[last] < PLATE[1]
             if until == DUST or plate or (wide <= NARROW * rest).all():

@@ -128,9 +128,11 @@ class ScanSurface:
         length = np.linalg.norm(way, axis=2)
         way = way / np.maximum(length, 1e-9)[..., None]
         incidence = way @ normal
-        start = points[:, None] + 0.01 * way
-        free = visible_distance(self.tree, start.reshape(-1, 3), way.reshape(-1, 3), REACH)[0].reshape(length.shape)
-        open_ = free > length - 0.02
+        asked = np.abs(incidence) > grazing
+        start = (points[:, None] + 0.01 * way)[asked]
+        free = visible_distance(self.tree, start, way[asked], min(REACH, float(length.max())))[0]
+        open_ = np.zeros(length.shape, bool)
+        open_[asked] = free > length[asked] - 0.02
         sides = []
         for side in (incidence > grazing, incidence < -grazing):
             sides.append(float((open_ & side).sum() / max(1, side.size)))

@@ -24,8 +24,9 @@ from s2a.scene.geometry.convex import column, overlap
 from s2a.scene.scene import Mesh, Scene, Vec3
 from s2a.scene.usd.sim_scene import Grasp, Quat
 
-# Places with a free start from which the reach is computed at once, and places that are looked at last
-AT_ONCE, CHUNK = 8, 24
+# Places with a free start from which the reach is computed at once, at first and at most, and places that are looked at last
+AT_ONCE, MOST, CHUNK = 8, 64, 24
+COARSE = 5  # Of so many poses on a path one is looked at first, where it does not matter how deep the robot reaches
 STUCK = 1.0  # Depth [m] that stands for a place where the base cannot stand
 # [s] In which every joint, at full speed, has to turn from home to the path: an episode has to have time for the rest
 MAX_REACH_TIME = 2.0
@@ -101,7 +102,8 @@ def find_base(
 
     def follow(poses: np.ndarray, stands: Sequence[Stand]) -> Follow:
         seeds = [config.ik_seeds * (4 if np.array_equal(_facing(s), preferred.base) else 1) for s in stands]
-        return Follow("", 2, poses, surroundings.meets, seeds, tried=TRIED, clear=1, reach_time=MAX_REACH_TIME)
+        meets = surroundings.meets if poses is asked else surroundings.meets_something
+        return Follow("", 2, poses, meets, seeds, tried=TRIED, clear=1, reach_time=MAX_REACH_TIME)
 
     waiting: set[Stand] = set()
     every = variants(joint, held, internal=grasp.internal) if config.search else [ASKED]
@@ -140,10 +142,13 @@ def _groups(
 ) -> Iterator[list[Stand]]:
     """Yield bases at which the robot starts clear of all, AT_ONCE places together, the preferred place alone and in any case.
 
+    The more places do not serve, the more are looked at together, up to MOST: inverse kinematics cost their launches.
+
     Why others do not serve is noted, of the preferred place also whether the arm reaches from it; `waiting` gets those of which
     that is not known; None: nobody asks.
     """
     hopeful: list[list[Stand]] = []
+    at_once = AT_ONCE
     for number, place in enumerate(places):
         starting = []
         for stand in facings(place):
@@ -160,9 +165,9 @@ def _groups(
                     search.misses.note(Miss(2, UNREACHABLE, "the arm cannot reach along the whole path", stand))
         if starting:
             hopeful.append(starting)
-        if hopeful and (number == 0 or len(hopeful) == AT_ONCE):
+        if hopeful and (number == 0 or len(hopeful) == at_once):
             yield list(itertools.chain(*hopeful))
-            hopeful = []
+            hopeful, at_once = [], min(MOST, 2 * at_once) if number else at_once
     if hopeful:
         yield list(itertools.chain(*hopeful))
 
@@ -235,6 +240,11 @@ class ScannedSurfaces:
         if depth > SLACK:
             return depth, f"{owner} on its path to the handle"
         return self.shape.self_penetration(np.concatenate([reach, path]))
+
+    def meets_something(self, stand: Stand, path: np.ndarray) -> Penetration:
+        """Return what `meets` does where the robot meets nothing, else a collision that need not be the deepest."""
+        coarse = self._robot(stand, path[1::COARSE], moving=False)
+        return coarse if coarse[0] > SLACK else self.meets(stand, path)
 
     def _robot(self, stand: Stand, q: np.ndarray, *, moving: bool) -> Penetration:
         """Return the deepest collision in joints [pose arm]; while it moves the handle, the fingers may touch what they hold."""

@@ -40,12 +40,14 @@ class Forest:
 
     Attributes:
         ids: Warp's handles of those with faces.
+        bounds: smallest and largest corner of these [m], shape [2 mesh 3].
     """
 
     def __init__(self, meshes: Sequence[Mesh]) -> None:
         """Take the meshes; every one must have faces where `nearest_meshes` is to name them by their order."""
         self._trees = [kept_ray_mesh(mesh) for mesh in meshes]
         self.ids = _ids(self._trees)
+        self.bounds = np.array([mesh.bounds for mesh in meshes if len(mesh.faces)]).reshape(-1, 2, 3).swapaxes(0, 1)
 
 
 def _ids(trees: Sequence[RayMesh]) -> wp.array:
@@ -125,10 +127,15 @@ def nearest_meshes(forest: Forest, points: np.ndarray, reach: float) -> tuple[np
     """Return the mesh nearest to each point (-1: none within reach) and its distance [m] (then inf), shape [point] each."""
     places = np.ascontiguousarray(points, np.float32)
     index, gap = np.full(len(places), -1, np.int32), np.full(len(places), np.inf, np.float32)
-    inputs = [forest.ids, wp.array(places, dtype=wp.vec3, device="cpu", copy=False), reach]
+    if not len(places):
+        return index, gap
+    low, high = places.min(axis=0) - 1.01 * reach, places.max(axis=0) + 1.01 * reach
+    near = np.flatnonzero(((forest.bounds[0] <= high) & (forest.bounds[1] >= low)).all(axis=1))
+    ids = wp.array(forest.ids.numpy()[near], dtype=wp.uint64, device="cpu")
+    inputs = [ids, wp.array(places, dtype=wp.vec3, device="cpu", copy=False), reach]
     outputs = [wp.array(a, device="cpu", copy=False) for a in (index, gap)]
     wp.launch(_nearest_of, dim=len(places), inputs=inputs, outputs=outputs, device="cpu")
-    return index, gap
+    return np.append(near, -1)[index], gap
 
 
 @wp.kernel

@@ -1,10 +1,11 @@
 """How like a real scan a virtual one is: its figures, beside those of real scans.
 
-    python tools/scan_stats.py SCAN... [--recorded FRAMES] [--out FIGURES.json]
+    python tools/scan_stats.py SCAN... [--recorded FRAMES | --beside MESH] [--out FIGURES.json]
 
 SCAN is a folder written by `s2a sample`, or a PLY mesh, of which only what needs no truth is measured. With --recorded a virtual
 depth camera records the true room, `s2a import frames=` fuses it, and what the camera measured and the fused mesh are compared
-with the truth instead: rms distances up to 30 mm, and the share farther off.
+with the truth instead: rms distances up to 30 mm, and the share farther off. With --beside the scan of a recording is compared
+with the mesh of another program in the recording's coordinates (`tools/open3d_fusion.py`).
 
 noise    rms distance of the scan from the true surface, without what is more than 10 mm off (webs, skirts)
 holes    connected pieces of border, per square metre of surface; short: shorter than 0.5 m around
@@ -264,6 +265,21 @@ def _frame(tree: RayMesh, place: np.ndarray, folder: Path, index: int, rng: np.r
     return (rays * depth[:, None])[some] @ pose[:3, :3].T + pose[:3, 3]
 
 
+def beside(scan: Path, other: Path) -> dict[str, Any]:
+    """Return the distances [m] between the scan of a recording and another mesh of it, both ways, of points within MATCHED."""
+    own, there = ply.read(scan / "mesh_aligned_0.05.ply"), ply.read(other)
+    matrix = np.array(json.loads((scan / "import.json").read_text())["matrix"])
+    moved = there.vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    meshes = {"own": Mesh(own.vertices, own.faces), "other": Mesh(moved.astype(np.float32), there.faces)}
+    row: dict[str, Any] = {"scan": scan.name, "beside": other.name}
+    for name, target in (("own", "other"), ("other", "own")):
+        mesh = meshes[target]
+        gap = nearest_faces(ray_mesh(mesh.vertices, mesh.faces), sample(meshes[name], SAMPLES, seed=0))[1]
+        row |= {f"{name}_faces": len(meshes[name].faces), f"{name}_mean": float(gap[gap < MATCHED].mean())}
+        row |= {f"{name}_median": float(np.median(gap)), f"{name}_off": float((gap >= MATCHED).mean())}
+    return row
+
+
 def _recorded_table(rows: list[dict[str, Any]]) -> Table:
     """Return the table of recordings beside their truth."""
     shown = Table("recording of", "frames", "camera mm", "off", "fused mm", "off", "fused / camera")
@@ -316,9 +332,16 @@ def main() -> None:
     parser.add_argument(
         "--recorded", type=int, metavar="FRAMES", help="record the true rooms instead, so many frames each"
     )
+    parser.add_argument("--beside", type=Path, metavar="MESH", help="compare the only scan with another program's mesh")
     parser.add_argument("--seed", type=int, default=0, help="of recordings")
     args = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING
+    if args.beside:
+        row = beside(args.scans[0], args.beside)
+        if args.out:
+            args.out.write_text(json.dumps({**provenance("cpu"), **row}, indent=1) + "\n")
+        Console().print(row)
+        return
     if args.recorded:
         recordings = [recorded(folder, args.recorded, args.seed) for folder in args.scans]
         if args.out:

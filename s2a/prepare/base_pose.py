@@ -100,9 +100,9 @@ def find_base(
     search = Search(robot, shape.kin)
     preferred = next(iter(ground.places()))
 
-    def follow(poses: np.ndarray, stands: Sequence[Stand]) -> Follow:
+    def follow(poses: np.ndarray, exact: bool, stands: Sequence[Stand]) -> Follow:
         seeds = [config.ik_seeds * (4 if np.array_equal(_facing(s), preferred.base) else 1) for s in stands]
-        meets = surroundings.meets if poses is asked else surroundings.meets_something
+        meets = surroundings.meets if exact else surroundings.meets_something
         return Follow("", 2, poses, meets, seeds, tried=TRIED, clear=1, reach_time=MAX_REACH_TIME)
 
     waiting: set[Stand] = set()
@@ -111,7 +111,7 @@ def find_base(
         # What is said of a part without a free place is about the path that is asked for, from the nearer places.
         tried, unsure = (search, waiting) if variant == ASKED and not further else (Search(robot, shape.kin), None)
         path = asked if variant == ASKED else poses(*variant)
-        facings, followed = partial(ground.facings, search=tried, assumed=assumed), partial(follow, path)
+        facings, followed = partial(ground.facings, search=tried, assumed=assumed), partial(follow, path, tried is search)
         for some in _groups(ground.places(further=further), facings, surroundings, path[0], tried, followed, unsure):
             for k, _ in tried.followed(some, followed(some)):
                 return _chosen(some[k], _praise(some[k], preferred, search, variant), True, assumed)
@@ -119,7 +119,7 @@ def find_base(
     for start in range(0, len(order), CHUNK):
         stands = [miss.stand for miss in order[start : start + CHUNK] if miss.stand is not None]
         unknown = [stand for stand in stands if stand in waiting]
-        reach = dict(zip(unknown, search.paths(unknown, follow(asked, unknown)), strict=True)) if unknown else {}
+        reach = dict(zip(unknown, search.paths(unknown, follow(asked, True, unknown)), strict=True)) if unknown else {}
         for stand in stands:
             if stand not in reach or len(reach[stand]):
                 return _chosen(

@@ -111,7 +111,10 @@ def find_base(
         # What is said of a part without a free place is about the path that is asked for, from the nearer places.
         tried, unsure = (search, waiting) if variant == ASKED and not further else (Search(robot, shape.kin), None)
         path = asked if variant == ASKED else poses(*variant)
-        facings, followed = partial(ground.facings, search=tried, assumed=assumed), partial(follow, path, tried is search)
+        facings, followed = (
+            partial(ground.facings, search=tried, assumed=assumed),
+            partial(follow, path, tried is search),
+        )
         for some in _groups(ground.places(further=further), facings, surroundings, path[0], tried, followed, unsure):
             for k, _ in tried.followed(some, followed(some)):
                 return _chosen(some[k], _praise(some[k], preferred, search, variant), True, assumed)

@@ -1,19 +1,25 @@
 """Do sentences mean the right skills in captures of real rooms? The rules' plans beside what a person takes the words to mean.
 
-    python experiments/sentences_real.py ROOMS [--rooms scene0000_00 ...] [--name rules]
+    python experiments/sentences_real.py ROOMS [--rooms scene0000_00 ...] [--name rules] [--execute 4] [--out FOLDER]
 
-ROOMS holds NAME.usd (`s2a prepare`) and NAME/descriptive.usda (`s2a export`) for each room of sentences_real.yaml. Nothing is
-executed, and nothing is asked about reach. Prints a line a sentence and writes experiments/results/sentences_real_NAME.json.
+ROOMS holds NAME.usd (`s2a prepare`) and NAME/descriptive.usda (`s2a export`) for each room of sentences_real.yaml. With
+`--execute` so many at a time of the right plans are executed by `s2a do`; else nothing is asked about reach. Prints a line a
+sentence and writes sentences_real_NAME.json.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import yaml
 from insertion_study import RESULTS
+from skill_rooms import s2a
 
 from s2a.core import config
 from s2a.core.provenance import provenance
@@ -33,6 +39,9 @@ def main() -> None:
     parser.add_argument("captures", type=Path)
     parser.add_argument("--rooms", nargs="*")
     parser.add_argument("--name", default="rules")
+    parser.add_argument("--execute", type=int, default=0, metavar="JOBS")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
     sentences, rows = yaml.safe_load(SENTENCES.read_text()), []
     for name in args.rooms or sentences:
@@ -70,10 +79,29 @@ def main() -> None:
             )
     counts = {"sentences": len(rows), "right": sum(row["right"] for row in rows)}
     counts |= {"wrong skills": sum(bool(row["plan"]) and not row["right"] for row in rows)}
-    (RESULTS / f"sentences_real_{args.name}.json").write_text(
-        json.dumps({**provenance("cpu"), **counts, "rows": rows}, indent=1) + "\n"
+    if args.execute:
+        right = [row for row in rows if row["plan"] and row["right"]]
+        with ThreadPoolExecutor(args.execute) as pool:
+            list(pool.map(lambda row: _execute(row, args), right))
+        counts |= {"executed": len(right), "succeeded": sum(row["problem"] == "" for row in right)}
+    (args.out / f"sentences_real_{args.name}.json").write_text(
+        json.dumps({**provenance(args.device), **counts, "rows": rows}, indent=1) + "\n"
     )
     print(counts)
+
+
+def _execute(row: dict[str, Any], args: argparse.Namespace) -> None:
+    """Do a sentence, and note how long it took and why it failed."""
+    begun, out = (
+        time.perf_counter(),
+        args.out / "done" / f"{row['room']}_{re.sub(r'[^a-z0-9]+', '_', row['sentence'].lower())}.json",
+    )
+    stage, scene = args.captures / f"{row['room']}.usd", args.captures / row["room"] / "descriptive.usda"
+    keys = [f"stage={stage}", f"scene={scene}", "llm=rules", f"device={args.device}", f"out={out}"]
+    done = s2a("do", row["sentence"], *keys, check=False)
+    row["seconds"] = round(time.perf_counter() - begun, 1)
+    row["problem"] = "" if done.returncode == 0 else (done.stderr.strip().splitlines() or ["no message"])[-1]
+    print(row["room"], row["sentence"], row["seconds"], row["problem"] or "done", flush=True)
 
 
 if __name__ == "__main__":

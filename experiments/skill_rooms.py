@@ -63,6 +63,7 @@ ROOMS = {
         "perfume bottle",
         "rubber duck",
     ),
+    ("capture", "music"): ("eraser", "glue stick", "Nutella", "apple", "perfume bottle", "highlighter"),
 }
 """Kinds and seeds of the rooms, and what is inserted, by its size; of captures their export is below RUNS/capture_NAME."""
 NAMES = {f"{kind}_{seed}": (kind, seed) for kind, seed in ROOMS}
@@ -97,7 +98,9 @@ def _insert(runs: Path, name: str) -> None:
         entries = [{"object": f"../zoo/{listed[e]['object']}", "label": e} for e in ROOMS[kind, seed]]
         (folder / "list.yaml").write_text(yaml.safe_dump(entries))
         s2a("insert", f"stage={folder}/geometric.usd", f"objects={folder}/list.yaml", "llm=rules",
-            f"placement.pose.search.margin={ROOM}", f"out={folder}/ins")  # fmt: skip
+            f"placement.pose.search.margin={ROOM}", f"out={folder}/ins", check=False)  # fmt: skip
+        if not (folder / "ins/insert.json").exists():
+            raise SystemExit(f"{name}: nothing could be inserted")
 
 
 def _prepare(runs: Path, name: str) -> None:

@@ -282,24 +282,30 @@ def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:
     return poses.reshape(-1, 4, 4)
 
 
-# [s] of computation after which no plan for an object is looked for any more: where there is one, most take 3 to 15
-PLANNING = 30.0
+# Spheres compared with the room, and poses of inverse kinematics, after which no plan for an object is looked for any more:
+# some 30 s, the same on every machine; where there is a plan, most take a tenth to a half. And [s] that pass at most
+WORK, PATIENCE = 8_000_000, 300.0
 
 
 class GraspCache:
     """Grasps of one free object by one gripper, computed once for each way up, number of points and contact."""
 
     def __init__(self, body: SimBody, gripper: GripperSpec, seed: int = 0) -> None:
-        """Take the object, the gripper, and the seed of the points."""
+        """Take the object, the gripper, and the seed of the points; the time begins."""
         self._hulls, self._center = [c.mesh for c in body.colliders], np.array(body.mass.center)
         self._gripper, self._seed = gripper, seed
         self._grasps: dict[tuple[object, ...], ObjectGrasps] = {}
-        self._deadline = time.thread_time() + PLANNING
+        self._work, self._begun, self.ended = 0, time.monotonic(), ""
 
-    @property
-    def late(self) -> bool:
-        """The time for plans with this object is used up; that of other programs does not count."""
-        return time.thread_time() > self._deadline
+    def is_late(self, work: int = 0) -> bool:
+        """Add some work to that for plans with this object; return whether that, or the time, is used up, `ended` says which."""
+        self._work += work
+        passed = time.monotonic() - self._begun
+        if self._work > WORK:
+            self.ended = f"the search ended after {WORK / 1e6:.0f} million comparisons"
+        elif passed > PATIENCE:
+            self.ended = f"the search ended after {PATIENCE:.0f} s on a slow or busy machine; try again"
+        return bool(self.ended)
 
     def __call__(self, samples: int, contact: Contact, up: np.ndarray) -> ObjectGrasps:
         """Return what `object_grasps` does; `up` is a unit vector in the body's frame, shape [3]."""
@@ -335,7 +341,7 @@ def ungraspable(target: str, size: float, spec: RobotSpec) -> Ungraspable:
     )
 
 
-def failure(target: str, nearest: float, size: float, misses: Misses, spec: RobotSpec, late: bool) -> Unreachable:
+def failure(target: str, nearest: float, size: float, misses: Misses, spec: RobotSpec, ended: str) -> Unreachable:
     """Return why there is no plan for an object.
 
     Args:
@@ -344,9 +350,9 @@ def failure(target: str, nearest: float, size: float, misses: Misses, spec: Robo
         size: its thinnest extent [m].
         misses: of what was tried with the grasps that are clear.
         spec: the robot.
-        late: The search ended because its time was used up.
+        ended: why the search ended before all was tried; empty where it did not.
     """
-    ended = f" (the search ended after {PLANNING:g} s)" if late else ""
+    ended = ended and f" ({ended})"
     if math.isinf(nearest):
         return ungraspable(target, size, spec)
     if nearest > 0.0:

@@ -1,13 +1,16 @@
-"""Obstacles of a robot: the solid hulls of a simulation-ready room, or the surfaces of a scan."""
+"""Obstacles of a robot: the solid hulls of a simulation-ready room, or the surfaces of a scan; and rests of objects on them."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Collection, Mapping, Sequence
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import trimesh
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
 from s2a.robot.collision import Penetration
 from s2a.scene.articulation import pose_at
@@ -21,6 +24,13 @@ INSIDE = 0.3  # [m] Up to which depth a center within a solid is noticed
 # [m] Between points on a body's surface at least, and how many there are, about, on a large one
 FINEST, MOST = 0.015, 120
 COVERED = 1e-3  # [m] Deeper within one of its hulls no point is needed
+FOOT = 0.01  # [m] Above an object's lowest point, up to which it stands on its support
+# Of a support that is not level, as scanned ones are: [m] between points at which its height is looked up, below an
+# object's resting plane down to which its feet may find it, and from that plane, up to which a point carries
+CELL, SAG, TOUCH = 0.01, 0.02, 0.002
+# [rad] By which an object may lean on it, and by which it can be turned about each side of what carries it before it
+# falls over
+LEAN, STEADY = 0.1, 0.15
 
 Named = tuple[str, Mesh]  # Id of the part that a mesh belongs to, and the mesh in the scene frame
 
@@ -33,11 +43,12 @@ class Obstacles:
         meshes: in the scene frame, in the same order.
         is_solid: the meshes are closed convex hulls: what is within one is in it. Else they are surfaces, and what moves in
             small steps meets them as it would a solid.
+        lookups: spheres that were compared with them so far, a measure of work that is the same on every machine.
     """
 
     def __init__(self, named: Sequence[Named], *, solid: bool) -> None:
         self.names, self.meshes = [name for name, _ in named], [mesh for _, mesh in named]
-        self.is_solid = solid
+        self.is_solid, self.lookups = solid, 0
         self._column: tuple[np.ndarray, float] | None = None
         self._tree: _Solids | _Surfaces = _Solids(self.meshes) if solid else _Surfaces(self.meshes)
 
@@ -125,6 +136,7 @@ class Obstacles:
 
     def _depths(self, centers: np.ndarray, radii: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
         """Return how deep each sphere reaches into the nearest mesh, or the column [m], and its index (-1: the column)."""
+        self.lookups += len(centers)
         owner, gap = self._tree.nearest(centers, reach)
         depth = np.where(owner >= 0, radii - gap, 0.0)
         if self._column is not None:
@@ -226,3 +238,85 @@ def surface_points(hulls: Sequence[Mesh]) -> np.ndarray:
     _, first = np.unique(np.floor(points / (apart / 2)).astype(int), axis=0, return_index=True)
     points = points[np.sort(first)]
     return points[~np.any([contains(hull, points, -COVERED) for hull in hulls], axis=0)]
+
+
+def uneven_rests(
+    near: Obstacles, support: str, bottom: Mesh, center: np.ndarray, spots: np.ndarray, top: float
+) -> Iterator[tuple[int, Rotation, float]]:
+    """Yield at which of some places an object rests steadily on a support, how it leans, and how high its origin is [m].
+
+    Args:
+        near: what is around, without the object.
+        support: id of the support.
+        bottom: hulls of the object about its origin, turned as they stand.
+        center: of its mass, likewise [m], shape [3].
+        spots: places of a grid whose width is a multiple of CELL, the first one the least, shape [spot 2].
+        top: height above all of the support [m].
+    """
+    low, high = (np.floor(f(bottom.vertices[:, :2], axis=0) / CELL).astype(int) for f in (np.min, np.max))
+    cells = np.stack(np.meshgrid(*[np.arange(low[k], high[k] + 2) for k in range(2)], indexing="ij"), -1).reshape(-1, 2)
+    start = np.c_[cells * CELL, np.full(len(cells), bottom.vertices[:, 2].min() - 1.0)]
+    under = start[:, 2] + first_hits(
+        ray_mesh(bottom.vertices, bottom.faces), start, np.tile([0.0, 0.0, 1.0], (len(cells), 1))
+    )
+    cells, under = cells[np.isfinite(under)], under[np.isfinite(under)]
+    feet = under <= under.min(initial=np.inf) + FOOT
+    if not len(spots) or feet.sum() < 3:
+        return
+    index = np.round((spots - spots[0]) / CELL).astype(int)
+    size = np.ptp(index, axis=0) + np.ptp(cells, axis=0) + 1
+    first = spots[0] + CELL * cells.min(axis=0)
+    grid = np.stack(np.meshgrid(*[first[k] + CELL * np.arange(size[k]) for k in range(2)], indexing="ij"), axis=-1)
+    height, names = near.below(np.c_[grid.reshape(-1, 2), np.full(grid[..., 0].size, top)])
+    height, own = height.reshape(size), np.array([n == support for n in names]).reshape(size)
+    for k, at in enumerate(index - cells.min(axis=0)):
+        x, y = (at + cells).T
+        rest = _rest(CELL * cells, height[x, y] - under, own[x, y], feet, center - [0.0, 0.0, under.min()])
+        if rest is not None:
+            yield k, *rest
+
+
+def _rest(
+    cells: np.ndarray, height: np.ndarray, own: np.ndarray, feet: np.ndarray, center: np.ndarray
+) -> tuple[Rotation, float] | None:
+    """Return how an object leans, and how high its origin is [m], where it is let down; None: it does not rest steadily.
+
+    It comes to rest on the three points around its centre of mass that carry it highest.
+
+    Args:
+        cells: points below the object from its origin [m], shape [point 2].
+        height: of the support there, above the object's underside as its origin is at zero [m], shape [point].
+        own: whether that is the support's, shape [point], bool.
+        feet: whether the object has a foot there, likewise.
+        center: of mass from the origin's projection on the underside [m], shape [3].
+    """
+    if not np.isfinite(height[feet]).all() or np.ptp(height[feet]) > SAG + 2 * LEAN * np.ptp(cells[feet]):
+        return None
+    there = np.isfinite(height)
+    cells, height, own, feet = cells[there], height[there], own[there], feet[there]
+    level = float(height.max())
+    slope = np.zeros(2)
+    if np.ptp(height[feet]) > 0.0:
+        try:
+            sides = ConvexHull(np.c_[cells, height]).equations
+        except QhullError:
+            return None
+        sides = sides[sides[:, 2] > 1e-6]
+        planes = np.c_[-sides[:, :2], -sides[:, 3]] / sides[:, 2:3]  # slopes along x and y, and height at the origin
+        slope_x, slope_y, level = planes[(planes[:, :2] @ center[:2] + planes[:, 2]).argmin()]
+        slope = np.array([slope_x, slope_y])
+    below = cells @ slope + level - height
+    carrying = below <= TOUCH
+    if np.linalg.norm(slope) > LEAN or not own[carrying].all() or below[feet].max() > SAG:
+        return None
+    try:
+        polygon = ConvexHull(cells[carrying]).equations
+    except (QhullError, ValueError):
+        return None
+    inside = -(polygon[:, :2] @ (center[:2] - center[2] * slope) + polygon[:, 2])
+    if inside.min() < math.tan(STEADY) * center[2]:
+        return None
+    normal = np.array([-slope[0], -slope[1], 1.0])
+    axis = np.cross([0.0, 0.0, 1.0], normal)
+    length = np.linalg.norm(axis)
+    return Rotation.from_rotvec(axis / max(length, 1e-12) * math.atan(length)), float(level)

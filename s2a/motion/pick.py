@@ -9,7 +9,7 @@ import numpy as np
 
 from s2a import robot as robots
 from s2a.core.errors import InputError
-from s2a.motion.grasps import PLANNING, GraspCache
+from s2a.motion.grasps import GraspCache
 from s2a.motion.gripper import FIRM, SLOPING, Contact
 from s2a.motion.obstacles import surface_points
 from s2a.motion.pick_plan import LIFT, PickPlan, PickTask, plan_pick
@@ -71,15 +71,24 @@ def read_stage(
     grasps = GraspCache(room.free[target], spec.gripper)
 
     failures: list[Unreachable] = []
+    crowded: list[
+        tuple[Contact, np.ndarray, Unreachable]
+    ] = []  # poses at which no grasp is clear, wherever the other end is
 
     def plan_with(ends: Ends, contact: Contact) -> PickPlan:
-        if grasps.late:
-            reason = f"{failures[-1]}; " if failures else f"{target!r}: "
-            raise Unreachable(f"{reason}no plan after {PLANNING:g} s; give another task.start or task.place")
+        if grasps.is_late():
+            reason = failures[-1] if failures else f"{target!r}: {grasps.ended}"
+            raise Unreachable(f"{reason}; give another task.start or task.place")
+        poses = [matrix(each) for each in ends]
+        for held, at, error in crowded:
+            if held == contact and any(np.array_equal(pose, at) for pose in poses):
+                raise error
         try:
             return plan_pick(PickTask(room, target, *ends, motion.approach), spec, contacts=(contact,), grasps=grasps)
         except Unreachable as error:
             failures.append(error)
+            if error.crowded is not None:
+                crowded.append((contact, error.crowded, error))
             raise
 
     (start, goal), plan = firmest(room, target, spec, lambda: _ends(room, target, config), plan_with)

@@ -21,6 +21,7 @@ LIFT = 0.08  # [m] Straight path after the grasp, and above the place
 STEP = 0.02  # [m] Between poses of a straight path
 DROP = 0.001  # [m] Above the planned place the fingers open, so that the object is not pressed onto its support
 GRASPS, BASES, PAIRS = 16, 24, 96  # Grasps and bases that are tried, and pairs of both that are planned to the end
+SOLVING = 1000  # Comparisons of a sphere with the room that take as long as inverse kinematics of a base and a grasp
 BLOCK = 256  # Grasps that are looked at together
 ENOUGH = 8  # Grasps of different directions from which no more are looked for
 # [m] More than needed, by which arm and held object keep from the room where that can be done: an arm lags behind its
@@ -130,6 +131,14 @@ class PickPlanner:
         self._cell = Workcell(spec, Obstacles.of_room(task.room, {task.target}, (task.start[:3] + task.goal[:3]) / 2))
         self._points = surface_points([c.mesh for c in task.room.free[task.target].colliders])
         self._search = Search(spec, self._cell.kin, seed)
+        self._solved, self._counted = 0, 0
+
+    def _is_late(self) -> bool:
+        """Return whether the work, or the time, for plans with the object is used up."""
+        work = self._cell.obstacles.lookups + SOLVING * self._solved
+        late = self._grasps.is_late(work - self._counted)
+        self._counted = work
+        return late
 
     def plan(self, fits: Fits | None, contacts: Sequence[Contact]) -> PickPlan:
         """Return the first plan; Unreachable: there is none."""
@@ -141,15 +150,19 @@ class PickPlanner:
                 tried.append((every, bool(clear)))
                 if clear and (plan := self._with(every[clear], fits)) is not None:
                     return plan
-                if len(clear) >= ENOUGH or self._grasps.late:
+                if len(clear) >= ENOUGH or self._is_late():
                     break
         nearest = 0.0 if any(is_clear for _, is_clear in tried) else self._least([every for every, _ in tried])
         size = float(np.ptp(self._points, axis=0).min())
-        raise failure(self._target, nearest, size, self._search.misses, self._spec, self._grasps.late)
+        error = failure(self._target, nearest, size, self._search.misses, self._spec, self._grasps.ended)
+        if 0.0 < nearest < math.inf:
+            ends = (self._start, self._goal)
+            error.crowded = next((at for at in ends if not any(self._is_clear(each, at) for each, _ in tried)), None)
+        raise error
 
     def _with(self, grasps: ObjectGrasps, fits: Fits | None) -> PickPlan | None:
         pairs = chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE)
-        in_time = itertools.takewhile(lambda _: not self._grasps.late, pairs)
+        in_time = itertools.takewhile(lambda _: not self._is_late(), pairs)
         ordered = shorter_first(self._paths(some, grasps) for some in in_time)
         return next(filter(None, map(self._joined, ordered)), None)
 
@@ -158,9 +171,10 @@ class PickPlanner:
         places = {"grasp": self._start, "place": self._goal}
         later: list[tuple[Stand, int]] = []
         for some in chunks(around(self._cell, self._start, self._goal), BASES):
-            if self._grasps.late:
+            if self._is_late():
                 return
             stands = some if fits is None else fits(some)
+            self._solved += len(stands) * len(grasps)
             for stand, k, clear in reached(self._cell, places, stands, grasps, self._seed, self._search.misses):
                 if clear:
                     yield stand, k
@@ -184,6 +198,13 @@ class PickPlanner:
             *(gripper_depth(near, gripper, at @ grasps.tool, grasps.opened, *lengths, limit) for at in ends)
         )
 
+    def _is_clear(self, grasps: ObjectGrasps, at: np.ndarray) -> bool:
+        """Return whether the gripper keeps clear with one of some grasps of the object at a pose [4 4]."""
+        blocks = (grasps[block] for block in chunks(iter(range(len(grasps.tool))), BLOCK))
+        near, gripper = self._cell.obstacles, self._spec.gripper
+        depths = (gripper_depth(near, gripper, at @ g.tool, g.opened, self._approach, LIFT) for g in blocks)
+        return any(bool((depth <= 0.0).any()) for depth in depths)
+
     def _diverse(self, grasps: ObjectGrasps) -> list[int]:
         """Return up to GRASPS of them, in order, that keep clear.
 
@@ -203,6 +224,7 @@ class PickPlanner:
 
     def _paths(self, pairs: list[tuple[Stand, int]], grasps: ObjectGrasps) -> Iterator[StraightPaths]:
         """Yield the straight paths for bases and indices of grasps; what fails is noted."""
+        self._solved += len(pairs)
         stands, remedy = [stand for stand, _ in pairs], "; choose a place with more room"
         ups = np.stack([there_and_up(self._start @ grasps.tool[k], self._approach) for _, k in pairs])
         up = Follow("approach and lift", 1, ups, self._meets, IK_SEEDS, clear=BRANCHES, remedy=remedy)

@@ -3,8 +3,9 @@
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,27 +15,33 @@ from scipy.spatial.transform import Rotation
 from s2a.core.errors import InputError
 from s2a.motion.grasps import refuse_ungraspable
 from s2a.motion.gripper import FIRM, Contact
-from s2a.motion.obstacles import Obstacles, moved_room, surface_points
+from s2a.motion.obstacles import FOOT, Obstacles, moved_room, surface_points, uneven_rests
 from s2a.motion.search import Unreachable
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import matrix
 from s2a.scene.articulation import displace, opening_direction, pose_at, transform
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
+from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import SimRoom
 
 Ends = TypeVar("Ends")
 Plan = TypeVar("Plan")
 GRID = 0.04  # [m] Between the spots that are tried on a support
-# [m] Up to which a support's height may differ below an object; half over an edge of 4 mm, a wine glass falls over
+# [m] Up to which a support's height may differ below an object that stands level; half over an edge of 4 mm, a wine
+# glass falls over
 LEVEL = 0.0015
-FOOT = 0.01  # [m] Above an object's lowest point, up to which it stands on its support
+# [m] By which what is beside an object that stands on a support that is not level may be higher than its lowest point
+ROUGH = 0.01
 APART = 0.15  # [m] Least distance of a free spot from where the object stands
 # [m] Between an object on a free spot and everything beside it: room for the gripper from all sides; else half of its
 # width; else an open finger with its clearance, and the arm's error; else what keeps it from touching,
 # for a grasp from above
 MARGINS = 0.16, 0.08, 0.04, 0.015
 NEARBY = 0.7  # [m] From the other end of the motion, up to which spots come first, however little room is around them
+AS_HIGH = (
+    0.1  # [m] Between the heights of both ends, up to which spots come first: a part may have several tops, and a floor
+)
 FAR = 0.9  # [m] Between both ends, seen from above, at most: an arm of 0.855 m stands between them
 HIGH = 1.2  # [m] Between the heights of both ends, at most, likewise
 # Free places that a task plans for, one after the other, until there is a plan; and of them on one of several supports
@@ -137,10 +144,11 @@ def _distance(near: Obstacles, support: str, other: np.ndarray) -> float:
 def free_placements(
     room: SimRoom, name: str, support: str, other: np.ndarray, level: float = LEVEL
 ) -> Iterator[np.ndarray]:
-    """Yield poses at which an object stands on a support, level and clear of all else, turned as it is in the file.
+    """Yield poses at which an object stands on a support, clear of all else, turned as it is in the file.
 
-    They are APART from each other and from `other` (7-vector), and up to FAR from that. First come those NEARBY with the largest
-    of MARGINS, and of those the nearest ones.
+    They are APART from each other and from `other` (7-vector), and up to FAR from that. Those about as high come first. Of
+    these the level ones, then those at which the object leans a little on a support that is not level; of each those NEARBY with
+    the largest of MARGINS, and of those the nearest ones. The least of MARGINS comes last.
 
     Raises:
         InputError: no such support near the object, or no free spot on it.
@@ -163,39 +171,55 @@ def _placements(
     room: SimRoom, name: str, support: str, other: np.ndarray, near: Obstacles, level: float
 ) -> Iterator[np.ndarray]:
     """Yield the poses of `free_placements`, if there are any, in a room without the object."""
-    hulls = near.hulls_of(support)
-    bounds = np.concatenate([h.vertices for h in hulls])
     body = room.free[name]
     turn = matrix(scanned(room, name))[:3, :3]
     points = surface_points([c.mesh for c in body.colliders]) @ turn.T
-    corners = np.concatenate([c.mesh.vertices for c in body.colliders]) @ turn.T
-    feet = corners[corners[:, 2] < corners[:, 2].min() + FOOT]
-    spots = _level_spots(near, support, footprint(feet), bounds, other, level)
+    whole = merge([c.mesh for c in body.colliders])
+    bottom = Mesh(whole.vertices @ turn.T, whole.faces)
+    lowest = float(bottom.vertices[:, 2].min())
+    carrying = np.concatenate([h.vertices for h in near.hulls_of(support)])
+    spots, top = _spots(carrying, other), float(carrying[:, 2].max()) + 0.3
+    foot = footprint(bottom.vertices[bottom.vertices[:, 2] < lowest + FOOT])
+
+    def level_poses() -> np.ndarray:
+        flat = _level_spots(near, support, foot, spots, top, level)
+        return np.c_[flat + [0.0, 0.0, GAP - lowest], np.tile(body.orientation, (len(flat), 1))]
+
+    def leaning_poses() -> np.ndarray:
+        rests = uneven_rests(near, support, bottom, turn @ np.array(body.mass.center), spots, top)
+        upright = Rotation.from_quat(body.orientation)
+        return np.array([[*spots[k], z + GAP, *(lean * upright).as_quat()] for k, lean, z in rests]).reshape(-1, 7)
+
+    kinds = ((cache(level_poses), level), (cache(leaning_poses), ROUGH))
     taken = [np.array(other[:2])]
-    for margin, spot in _in_order(spots, other):
-        if min(np.linalg.norm(spot[:2] - each) for each in taken) < APART:
-            continue
-        at = spot + [0.0, 0.0, GAP - float(feet[:, 2].min())]
-        beside = points + at
-        # Spheres about what is low would reach into the support.
-        beside[:, 2] = np.maximum(beside[:, 2], spot[2] + margin + level)
-        if near.depth(beside, np.full(len(beside), margin)) <= 0.0:
-            taken.append(spot[:2])
-            yield np.array([*at, *body.orientation])
+    for is_as_high, margins, (poses, rough) in itertools.product((True, False), (MARGINS[:-1], MARGINS[-1:]), kinds):
+        chosen = poses()[(np.abs(poses()[:, 2] - other[2]) <= AS_HIGH) == is_as_high]
+        for margin, pose in _in_order(chosen, other, margins):
+            if min(np.linalg.norm(pose[:2] - each) for each in taken) < APART:
+                continue
+            lean = matrix(pose)[:3, :3] @ turn.T
+            beside = points @ lean.T + pose[:3]
+            # Spheres about what is low would reach into the support.
+            beside[:, 2] = np.maximum(beside[:, 2], beside[:, 2].min() - GAP + margin + rough)
+            if near.depth(beside, np.full(len(beside), margin)) <= 0.0:
+                taken.append(pose[:2])
+                yield pose
+
+
+def _spots(bounds: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return places of a grid [spot 2] on a support of these points [point 3] that are up to FAR from another place."""
+    low, high = np.maximum(bounds.min(axis=0)[:2], other[:2] - FAR), np.minimum(bounds.max(axis=0)[:2], other[:2] + FAR)
+    grid = [np.arange(low[k], high[k], GRID) for k in range(2)]
+    return np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def _level_spots(
-    near: Obstacles, support: str, foot: np.ndarray, bounds: np.ndarray, other: np.ndarray, level: float
+    near: Obstacles, support: str, foot: np.ndarray, spots: np.ndarray, top: float, level: float
 ) -> np.ndarray:
-    """Return places of a grid [spot 3] at which a foot [point 2] stands on a support of these points [point 3], level."""
-    low, high = np.maximum(bounds.min(axis=0)[:2], other[:2] - FAR), np.minimum(bounds.max(axis=0)[:2], other[:2] + FAR)
-    grid = [np.arange(low[k], high[k], GRID) for k in range(2)]
-    spots = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
+    """Return those of places [spot 2] at which a foot [point 2] stands on a support level, and its height, shape [spot 3]."""
     if not len(spots):
         return np.zeros((0, 3))
-    above = np.concatenate(
-        [spots[:, None] + foot, np.full((len(spots), len(foot), 1), bounds[:, 2].max() + 0.3)], axis=2
-    )
+    above = np.concatenate([spots[:, None] + foot, np.full((len(spots), len(foot), 1), top)], axis=2)
     height, names = near.below(above.reshape(-1, 3))
     height, own = height.reshape(len(spots), -1), np.array([n == support for n in names]).reshape(len(spots), -1)
     with np.errstate(invalid="ignore"):  # what is above nothing is at -inf
@@ -203,13 +227,13 @@ def _level_spots(
     return np.c_[spots, height.max(axis=1)][good]
 
 
-def _in_order(spots: np.ndarray, other: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
-    """Yield margins [m] and places [3] in the order of `free_placements`."""
-    away = np.linalg.norm(spots[:, :2] - other[:2], axis=1)
-    spots, away = spots[np.argsort(away, kind="stable")], np.sort(away, kind="stable")
+def _in_order(poses: np.ndarray, other: np.ndarray, margins: Sequence[float]) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield margins [m] and poses [7] in the order of `free_placements`."""
+    away = np.linalg.norm(poses[:, :2] - other[:2], axis=1)
+    poses, away = poses[np.argsort(away, kind="stable")], np.sort(away, kind="stable")
     split = int((away <= NEARBY).sum())
-    for some in (spots[:split], spots[split : int((away <= FAR).sum())]):
-        yield from itertools.product(MARGINS, some)
+    for some in (poses[:split], poses[split : int((away <= FAR).sum())]):
+        yield from itertools.product(margins, some)
 
 
 def footprint(points: np.ndarray) -> np.ndarray:

@@ -31,7 +31,13 @@ EXACT = 1e-3  # Root of the squared errors [m and rad] up to which inverse kinem
 
 
 class Unreachable(InputError):
-    """No plan: from which base which segment fails, by how much, and what to change."""
+    """No plan: from which base which segment fails, by how much, and what to change.
+
+    Attributes:
+        crowded: pose of the object [4 4] at which no grasp is clear, whatever its other end; None: there is none.
+    """
+
+    crowded: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Annotated
 
 import numpy as np
+import trimesh
 
 from s2a.core.bounds import AtLeast, Count, CountFromZero, Fraction, NotNegative, Positive
 from s2a.core.cache import Arrays, recall
@@ -18,12 +19,14 @@ from s2a.scene.geometry.convex import (
     components,
     contains,
     cut_free,
+    hull,
     one_hull,
     overlap,
     vhacd,
     volume,
 )
-from s2a.scene.geometry.mesh_ops import centroids, keep, normals, weld
+from s2a.scene.geometry.mesh_ops import centroids, keep, normals, sample_with_faces, weld
+from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
 from s2a.scene.geometry.planes import TILT, Plane, find_planes, slabs
 from s2a.scene.geometry.simplify import STRUCTURE_LABELS, DecimateConfig, Decimated, decimate_room, is_structure
 from s2a.scene.scene import UNANNOTATED, Mesh, Part, Scene, pack, unpack
@@ -104,6 +107,14 @@ def _median(values: np.ndarray, weights: np.ndarray) -> float:
     return float(values[order][np.searchsorted(total, total[-1] / 2)])
 
 
+LARGE = 2.0  # [m] Diagonal from which a surface that nobody annotated is a room's, not that of a piece of furniture
+# [m] How far a sheet's hull may be off the surface across its faces, and along them: smaller holes are filled. And
+# over which fraction of it
+OFF, HOLE, NEARLY = 0.02, 0.08, 0.95
+SMALLEST, FRAGMENT = 0.15, 0.004  # Size of what is not split further [m], and area of what is left out [m^2]
+MIXED = 0.1  # Fraction of level faces, and of others, from which a piece is split into both
+COHERENT = 0.8  # Length of the mean normal from which a piece has a side behind it
+DOWN = -0.7  # Vertical component of the normal below which nothing stands on a hull's face, or passes it from above
 THIN = 0.1  # Thickness of a hull as a fraction of its width below which it is cut in layers
 THINNEST = 0.002  # [m] A thinner layer is not worth a collider
 
@@ -147,22 +158,26 @@ def part_hulls(part: Part, config: RoomConfig) -> tuple[Collider, ...]:
     """Return the convex hulls of a part of the static room, from the cache where they were made before; part "" owns them."""
     structure = is_structure(part.label, config.structure_labels)
     # What nobody annotated is many things: a hull over two of them fills the air between.
-    things = [part.mesh]
-    if part.label == UNANNOTATED and len(part.mesh.faces):
+    things, unknown = [part.mesh], part.label == UNANNOTATED
+    if unknown and len(part.mesh.faces):
         piece = components(welded := weld(part.mesh))
         things = [keep(welded, piece == i) for i in range(piece.max() + 1)]
     hulls = [
         hull
         for mesh in things
         for hull in unpack(
-            recall("room", [mesh, repr((structure, config))], partial(_packed_hulls, mesh, structure, config))
+            recall(
+                "room",
+                [mesh, repr((structure, unknown, config))],
+                partial(_packed_hulls, mesh, structure, unknown, config),
+            )
         )
     ]
     return tuple(Collider("", hull, structure) for hull in hulls)
 
 
-def _packed_hulls(mesh: Mesh, structure: bool, config: RoomConfig) -> Arrays:
-    return pack(_hulls(mesh, structure, config))
+def _packed_hulls(mesh: Mesh, structure: bool, unknown: bool, config: RoomConfig) -> Arrays:
+    return pack(_hulls(mesh, structure, unknown, config))
 
 
 def cut_out(
@@ -224,15 +239,72 @@ def _layers(hull: Mesh, obstacles: Sequence[Mesh]) -> list[Mesh]:
     return pieces
 
 
-def _hulls(mesh: Mesh, structure: bool, config: RoomConfig) -> list[Mesh]:
-    """Return thin boxes for a wall, hulls for anything else."""
+def _hulls(mesh: Mesh, structure: bool, unknown: bool, config: RoomConfig) -> list[Mesh]:
+    """Return thin boxes for a wall, sheets for a whole room of which nothing is known, hulls for anything else."""
     if not structure and np.linalg.norm(np.ptp(mesh.bounds, axis=0)) < config.min_decomposed_size:
         return one_hull(mesh, config.max_vertices)
+    if not structure and np.linalg.norm(np.ptp(mesh.bounds, axis=0)) > LARGE and unknown:
+        return sheets(mesh, config)
     if not structure:
         return vhacd(mesh, config.part_hulls, config.resolution, config.max_vertices)
     planes = find_planes(mesh, config.flatness, min_area=20 * config.cell**2, count=6)
     boxes = [slabs(mesh, p, config.cell, closing=3, thickness=config.thickness, count=config.boxes) for p in planes]
     return [box for group in boxes for box in group]
+
+
+def sheets(mesh: Mesh, config: RoomConfig) -> list[Mesh]:
+    """Return thin convex hulls that follow a scanned surface of many things, each halved until it fills no air.
+
+    A handful of hulls of a whole room, in which floor, tables and walls are one surface, are walls of air across it.
+    """
+    whole = weld(mesh)
+    tree, corners = ray_mesh(whole.vertices, whole.faces), whole.vertices[whole.faces].astype(np.float64)
+    left, hulls = [whole], list[Mesh | None]()
+    while left:
+        piece = left.pop()
+        solid = hull(piece.vertices, config.max_vertices)
+        size = np.ptp(piece.bounds, axis=0)
+        if solid is None or len(piece.faces) == 1 or size.max() < SMALLEST or _fills_no_air(solid, tree, corners):
+            if piece.face_areas.sum() >= FRAGMENT:
+                hulls.append(_backed(piece, config))
+        else:
+            left += _split(piece)
+    return [each for each in hulls if each is not None]
+
+
+def _fills_no_air(solid: Mesh, tree: RayMesh, corners: np.ndarray) -> bool:
+    """Return whether all of a hull on which something may stand or lean is near a surface of triangles [face 3 3]."""
+    facing = normals(solid)
+    points, face = sample_with_faces(solid, max(40, int(solid.face_areas.sum() / HOLE**2)), 0)
+    points, facing = points[facing[face, 2] > DOWN], facing[face][facing[face, 2] > DOWN]
+    if not len(points):
+        return True
+    nearest = corners[nearest_faces(tree, points)[0]]
+    away = points - trimesh.triangles.closest_point(nearest, points)
+    across = np.abs(np.einsum("pi,pi->p", away, facing))
+    return bool(((across <= OFF) & (np.linalg.norm(away, axis=1) <= HOLE)).mean() >= NEARLY)
+
+
+def _split(piece: Mesh) -> list[Mesh]:
+    """Return a surface in parts: what is not connected, else level and other faces, else both halves of its longest side."""
+    number = components(piece)
+    if number.max() > 0:
+        return [keep(piece, number == k) for k in range(number.max() + 1)]
+    level = normals(piece)[:, 2] > TILT
+    share = float(piece.face_areas[level].sum() / max(piece.face_areas.sum(), 1e-12))
+    if not MIXED < share < 1.0 - MIXED:
+        at = centroids(piece)[:, int(np.ptp(piece.bounds, axis=0).argmax())]
+        level = at < at.mean()
+        if level.all() or not level.any():
+            level = np.arange(len(at)) < len(at) // 2
+    return [keep(piece, level), keep(piece, ~level)]
+
+
+def _backed(piece: Mesh, config: RoomConfig) -> Mesh | None:
+    """Return the hull of a surface and of the same, `thickness` behind it where it has a side that is behind."""
+    mean = (normals(piece) * piece.face_areas[:, None]).sum(axis=0) / max(piece.face_areas.sum(), 1e-12)
+    behind = piece.vertices - config.thickness * mean * (np.linalg.norm(mean) > COHERENT)
+    return hull(np.concatenate([piece.vertices, behind]), config.max_vertices)
 
 
 class StaticRoom:

@@ -190,3 +190,26 @@ def test_any_words_give_a_plan_or_a_refusal() -> None:
         found = planned(sentence)
         assert bool(found.skills) != bool(found.refusal)
         json.dumps(found.reason)
+
+
+@pytest.mark.parametrize(
+    ("colors", "sentence", "plan"),
+    [
+        ((("red",), ("blue",)), "put the red cup on the table", "cup_16"),
+        ((("blue",), ("blue",)), "put the red cup on the table", "unknown"),
+        (((), ("blue",)), "put the red cup on the table", "ambiguous"),
+        (((),), "put the red cup on the table", "cup_16"),
+        ((("blue",),), "put the red cup on the table", "unknown"),
+        ((("pink",),), "put the red cup on the green table", "cup_16"),
+        (((),), "put the big cup on the white table", "cup_16"),
+    ],
+)
+def test_a_colour_chooses_among_what_is_known_and_a_wrong_one_is_refused(
+    colors: tuple[tuple[str, ...], ...], sentence: str, plan: str
+) -> None:
+    facts = {i: part for i, part in FACTS.items() if part.label != "cup"}
+    for k, names in enumerate(colors):
+        cup = replace(FACTS["cup_16"], id=f"cup_{16 + k}", colors=names)
+        facts[cup.id] = cup
+    made = planned(sentence, facts)
+    assert plan == (made.refusal or made.skills[0].object)

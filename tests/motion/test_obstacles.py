@@ -11,7 +11,7 @@ from cabinet import box
 from cube_room import room_of, with_hulls
 
 from s2a import robot
-from s2a.motion.obstacles import Obstacles, surface_points
+from s2a.motion.obstacles import Obstacles, surface_points, uneven_rests
 from s2a.scene.geometry import convex
 from s2a.scene.scene import Mesh
 
@@ -78,3 +78,37 @@ def test_a_column_is_upright_under_a_foot(ball: tuple[float, float, float], dept
     assert stand.deepest(np.array([ball]), np.array([0.1]))[0] == pytest.approx(depth, abs=1e-9)
     assert stand.depth(np.array([ball]), np.array([0.1])) == pytest.approx(depth, abs=1e-9)
     assert nothing.deepest(np.array([ball]), np.array([0.1]))[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("degrees", "height", "rests"), [(0.0, 0.05, True), (4.0, 0.05, True), (4.0, 0.6, False), (9.0, 0.05, False)]
+)
+def test_an_object_leans_as_what_carries_it_unless_it_slides_or_falls_over(
+    degrees: float, height: float, rests: bool
+) -> None:
+    """A block 5 cm wide on a slope of 1 by 1 m that rises along x; 0.6 m high it is 4.8 degrees from falling over."""
+    turn = trimesh.transformations.rotation_matrix(np.radians(-degrees), [0.0, 1.0, 0.0])[:3, :3]
+    slope = convex.box(turn @ [0.0, 0.0, -0.05], turn, np.array([1.0, 1.0, 0.1]))
+    block = convex.box(np.zeros(3), np.eye(3), np.array([0.05, 0.05, height]))
+    spots = np.array([[x, y] for x in (-0.2, -0.12) for y in (0.0, 0.04)])
+    each = list(uneven_rests(Obstacles([("slope", slope)], solid=True), "slope", block, np.zeros(3), spots, 1.0))
+    assert [k for k, *_ in each] == ([0, 1, 2, 3] if rests else [])
+    for k, lean, z in each:
+        np.testing.assert_allclose(np.degrees(lean.as_rotvec()), [0.0, -degrees, 0.0], atol=0.1)
+        assert z == pytest.approx(spots[k, 0] * np.tan(np.radians(degrees)) + height / 2, abs=1e-3)
+
+
+def test_an_object_rests_on_three_bumps_around_its_middle_and_on_no_edge() -> None:
+    """Bumps 8, 8 and 12 mm high below three corners of a block of 10 cm; a table that ends below its middle."""
+    bumps = [(0.04, 0.04, 0.008), (0.04, -0.04, 0.008), (-0.04, 0.0, 0.012)]
+    named = [("table", convex.box(np.array([x, y, h / 2]), np.eye(3), np.array([0.02, 0.02, h]))) for x, y, h in bumps]
+    table = convex.box(np.array([0.0, 0.0, -0.01]), np.eye(3), np.array([1.0, 1.0, 0.02]))
+    block = convex.box(np.zeros(3), np.eye(3), np.array([0.1, 0.1, 0.04]))
+    near = Obstacles([("table", table), *named], solid=True)
+    ((_, lean, z),) = uneven_rests(near, "table", block, np.zeros(3), np.zeros((1, 2)), 1.0)
+    assert np.degrees(lean.as_rotvec()[1]) == pytest.approx(
+        np.degrees(4 / 60), abs=1.0
+    )  # between 4 mm in 6 and in 10 cm
+    assert 0.02 + 0.008 < z < 0.02 + 0.012
+    edge = np.array([[0.49, 0.0], [0.53, 0.0]])
+    assert not list(uneven_rests(near, "table", block, np.zeros(3), edge, 1.0))

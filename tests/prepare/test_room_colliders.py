@@ -65,3 +65,22 @@ def test_no_hull_of_what_nobody_annotated_spans_two_things() -> None:
     hulls = part_hulls(Part(UNANNOTATED, merge(things)), RoomConfig(resolution=10_000))
     assert sum(volume(one.mesh) for one in hulls) == pytest.approx(2 * 0.4 * 0.4 * 0.6, rel=0.1)
     assert all(np.ptp(one.mesh.bounds[:, 0]) < 0.5 for one in hulls)
+
+
+def test_hulls_of_a_room_that_nobody_annotated_fill_no_air() -> None:
+    """A floor, a wall along its side, and a table top at that wall: one surface."""
+
+    def sheet(corner: tuple[float, ...], along: tuple[float, ...], across: tuple[float, ...]) -> Mesh:
+        one, two = (np.linspace(0.0, 1.0, 13)[:, None] * np.array(side) for side in (along, across))
+        points = np.array(corner) + one[:, None] + two[None]
+        k = np.arange(12 * 13).reshape(12, 13)[:, :-1].ravel()
+        faces = np.concatenate([np.stack([k, k + 13, k + 14], 1), np.stack([k, k + 14, k + 1], 1)])
+        return Mesh(points.reshape(-1, 3), faces)
+
+    floor, wall = sheet((0, 0, 0), (3, 0, 0), (0, 3, 0)), sheet((0, 0, 0), (0, 3, 0), (0, 0, 3))
+    room = merge([floor, wall, sheet((0, 0, 0.75), (0.75, 0, 0), (0, 3, 0))])
+    hulls = [one.mesh for one in part_hulls(Part(UNANNOTATED, room), RoomConfig(resolution=10_000))]
+    carried = np.array([[2.0, 1.0, -0.001], *([x, y, 0.749] for x in (0.2, 0.6) for y in (0.3, 1.5, 2.7))])
+    assert all(any(contains(one, point[None])[0] for one in hulls) for point in carried)
+    air = np.array([[x, 1.5, z] for x in (0.3, 1.0, 2.0) for z in (0.3, 0.6, 1.2, 2.0)])
+    assert not any(contains(one, air, 0.02).any() for one in hulls)

@@ -87,7 +87,7 @@ def run(config: Config) -> str:
     refuse_unphysical(config.stage)
     model = choose(config.llm, config.record, rules)
     described = descriptive.read(config.scene) if config.scene else None
-    room = sim_stage.read(config.stage, visuals=config.images is not None)
+    room = sim_stage.read(config.stage)
     skills = tasks_of(config.skills)
     opening = max(getattr(each.task, "opening", 0.0) for each in vars(config.skills).values())
     context = RoomContext(room, described, config.robot.name, opening, skills)

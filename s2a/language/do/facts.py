@@ -10,7 +10,7 @@ import numpy as np
 from s2a.core.errors import InputError, printable
 from s2a.motion.obstacles import Obstacles
 from s2a.scene.articulation import opening_direction
-from s2a.scene.scene import Vec3
+from s2a.scene.scene import Mesh, Vec3
 from s2a.scene.upright_box import upright_box
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimBody, SimRoom, in_scene
@@ -18,6 +18,15 @@ from s2a.scene.usd.sim_scene import SimBody, SimRoom, in_scene
 LABEL = 60  # Characters of a label that are shown: it is a name, not a text
 ABOVE_SUPPORT = 0.02  # [m] Above an object's lowest point, from where its support is looked for
 KNOWN_FRACTION = 0.5  # Of a room's articulated parts, that a description of this room has
+
+# sRGB of the colours that sentences name
+COLORS = {
+    "red": (190, 40, 40), "orange": (235, 130, 40), "yellow": (235, 210, 60), "green": (60, 150, 70), "blue": (50, 90, 180),
+    "purple": (120, 60, 150), "pink": (240, 150, 180), "brown": (115, 75, 45), "beige": (215, 195, 160),
+    "black": (25, 25, 25), "grey": (128, 128, 128), "white": (240, 240, 240),
+}  # fmt: skip
+# Saturation below which a colour is grey, and share of a surface from which its colour counts
+PALE, MUCH = 0.2, 0.25
 
 Kind = Literal["slides", "turns", "free", "fixed"]
 
@@ -37,6 +46,7 @@ class RoomPart:
     on: str | None = None  # id of the part that an object stands on or in; else None
     touches: tuple[str, ...] = ()  # ids of the furniture at its sides, of a front that is drawn without any
     open: float = 0.0  # path by which its grasp point stands open [m]; 0 where it is shut or does not move
+    colors: tuple[str, ...] = ()  # names of COLORS of much of its surface; empty where they are not known
     base: bool = False  # The robot has a collision-free base pose for it, of what moves on a joint
 
     @property
@@ -150,7 +160,31 @@ def _thing(
     label = described.label if described else i.rpartition("_")[0].replace("_", " ") or i
     name = " ".join(printable(label).split())[:LABEL]
     touches = described.touches if described and joint is not None and parent is None else ()
-    return RoomPart(i, name, parent, kind, center, size, facing, on, touches, opened.get(i, 0.0), base)
+    body = room.free.get(i) or room.bodies.get(i)
+    colors = () if body is None else color_names(body.visual)
+    return RoomPart(i, name, parent, kind, center, size, facing, on, touches, opened.get(i, 0.0), colors, base)
+
+
+def color_names(mesh: Mesh) -> tuple[str, ...]:
+    """Return the names of the colours of much of a surface, the most frequent first; none where it has no colours."""
+    if mesh.colors is None or not mesh.face_areas.any():
+        return ()
+    rgb = mesh.colors[mesh.faces].astype(float).mean(axis=1)
+    bright, dark = rgb.max(axis=1), rgb.min(axis=1)
+    names = np.array([*COLORS])
+    # By hue where there is one, whatever the light: relative to the brightest channel, with brightness counting less.
+    table = np.array([*COLORS.values()], float)
+    pale = (bright - dark) < PALE * np.maximum(bright, 60.0)
+    looks = [
+        np.c_[each / np.maximum(each.max(axis=1, keepdims=True), 1.0), each.max(axis=1) / 255.0]
+        for each in (rgb, table)
+    ]
+    off = np.linalg.norm((looks[0][:, None] - looks[1][None]) * [1.0, 1.0, 1.0, 0.6], axis=2)
+    is_grey = np.isin(names, ["black", "grey", "white"])
+    off[pale[:, None] & ~is_grey] += 0.3
+    off[~pale[:, None] & is_grey] += 0.3
+    share = np.bincount(off.argmin(axis=1), mesh.face_areas, len(names)) / mesh.face_areas.sum()
+    return tuple(str(names[k]) for k in np.argsort(-share) if share[k] >= MUCH)
 
 
 def _support(room: SimRoom, body: SimBody) -> str | None:

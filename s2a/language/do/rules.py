@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from s2a.language.ask import Answer, Request
-from s2a.language.do.facts import Facts, RoomPart
+from s2a.language.do.facts import COLORS, Facts, RoomPart
 from s2a.language.do.plan import Skill, SkillPlan
 from s2a.language.grammar import NOUNS, coarse_names, is_named, names_of, relation_at
 from s2a.tasks.base import Task
@@ -20,6 +20,23 @@ MIDDLE = frozenset("middle center centre central".split())
 LEFT, RIGHT = frozenset("left leftmost left-hand".split()), frozenset("right rightmost right-hand".split())
 ORDINALS = {"second": 1, "2nd": 1, "third": 2, "3rd": 2, "fourth": 3, "4th": 3}  # From the top; 0 is the first
 POSITIONS = HIGH | LOW | MIDDLE | LEFT | RIGHT | set(ORDINALS)
+# Words of sentences for colours, and those names of surfaces that fit each: of a scan no colour is sure
+COLOR_WORDS = {name: name for name in COLORS} | {
+    "gray": "grey",
+    "violet": "purple",
+    "golden": "yellow",
+    "silver": "grey",
+}
+ALIKE = (
+    {"brown", "orange", "beige"}, {"grey", "black"}, {"grey", "white", "beige"}, {"red", "pink"}, {"red", "orange"},
+    {"pink", "purple"}, {"orange", "yellow"}, {"yellow", "beige"}, {"blue", "purple"}, {"red", "brown"},
+)  # fmt: skip
+BIG, SMALL = (
+    frozenset("big bigger biggest large larger largest".split()),
+    frozenset("small smaller smallest little tiny".split()),
+)
+ADJECTIVES = BIG | SMALL | COLOR_WORDS.keys()
+LARGER = 1.3  # Ratio of volumes from which one thing is the larger one
 LEVEL = 0.04  # [m] Up to which two fronts are equally high, or equally far left
 # [m] Largest gap to what a part is beside, difference up to which two parts are equally near, and depth of furniture
 NEAR, SAME, WIDE = 0.5, 0.1, 1.0
@@ -130,10 +147,11 @@ GLUE = "~"  # Stands for a blank within a label that holds a relation, such as "
 class Phrase:
     """Words for a part."""
 
-    noun: str  # without articles and positions
+    noun: str  # without articles, positions and adjectives
     positions: tuple[str, ...]  # such as "top" and "left"
     relation: str  # to what it belongs to or is beside: "of", or one of BESIDE
     context: str  # words for that; empty where none are given
+    adjectives: tuple[str, ...] = ()  # such as "red" and "big"
 
 
 def phrase(words: str, labels: Iterable[str]) -> Phrase:
@@ -159,8 +177,10 @@ def phrase(words: str, labels: Iterable[str]) -> Phrase:
     if context.split() and set(re.findall(r"[\w-]+", context)) <= ARTICLES | POSITIONS | {"side"}:  # "on the left"
         tokens, context = [*(t for t in context.split() if t in POSITIONS), *tokens], ""
     positions = tuple(token for token in tokens if token in POSITIONS)
-    noun = " ".join(token for token in tokens if token not in POSITIONS)
-    return Phrase(noun.replace(GLUE, " "), positions, relation, context.replace(GLUE, " "))
+    in_names = {word for label in labels for word in label.split()}
+    adjectives = tuple(token for token in tokens[:-1] if token in ADJECTIVES and token not in in_names)
+    noun = " ".join(token for token in tokens if token not in POSITIONS and token not in adjectives)
+    return Phrase(noun.replace(GLUE, " "), positions, relation, context.replace(GLUE, " "), adjectives)
 
 
 def resolve(words: str, facts: Facts, fits: Callable[[RoomPart], bool], what: str, *, all_fit: bool = False) -> str:
@@ -223,7 +243,35 @@ def _named(wanted: Phrase, facts: Facts) -> list[str]:
             words = "belongs to" if relation == "of" else f"is {relation}{' of' if relation in SIDES else ''}"
             raise Unresolved("unknown", f"no {wanted.noun!r} {words} {inner.noun!r}", parts)
         parts = within
+    for adjective in wanted.adjectives if parts else ():
+        parts = described(parts, adjective, wanted.noun, facts)
     return parts
+
+
+def described(parts: list[str], adjective: str, noun: str, facts: Facts) -> list[str]:
+    """Return those of some parts that an adjective fits; a part of which the colour is not known fits where it is the only one.
+
+    Raises:
+        Unresolved: all are of other colours, or which one is meant is not known.
+    """
+    if adjective in BIG | SMALL:
+        if len(parts) < 2:
+            return parts
+        volumes = {i: float(np.prod(facts[i].size or (0.0, 0.0, 0.0))) for i in parts}
+        order = sorted(parts, key=lambda i: volumes[i], reverse=adjective in BIG)
+        small, large = sorted((volumes[order[0]], volumes[order[1]]))
+        return order[:1] if large > LARGER * small else parts
+    color = COLOR_WORDS[adjective]
+    exact = [i for i in parts if color in facts[i].colors]
+    alike = {color}.union(*(group for group in ALIKE if color in group))
+    near = exact or [i for i in parts if alike & {*facts[i].colors}]
+    unknown = [i for i in parts if not facts[i].colors]
+    if near or len(unknown) == 1 == len(parts):
+        return near or unknown
+    if unknown:
+        raise Unresolved("ambiguous", f"the colours of {len(unknown)} parts called {noun!r} are not known", unknown)
+    colors = ", ".join(f"{i} is {' and '.join(facts[i].colors)}" for i in parts[:3])
+    raise Unresolved("unknown", f"no {noun!r} is {adjective}: {colors}", parts)
 
 
 def _beside(parts: list[str], around: list[str], relation: str, facts: Facts) -> list[str]:

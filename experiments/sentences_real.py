@@ -2,9 +2,9 @@
 
     python experiments/sentences_real.py ROOMS [--rooms scene0000_00 ...] [--name rules] [--execute 4] [--out FOLDER]
 
-ROOMS holds NAME.usd (`s2a prepare`) and NAME/descriptive.usda (`s2a export`) for each room of sentences_real.yaml. With
-`--execute` so many at a time of the right plans are executed by `s2a do`; else nothing is asked about reach. Prints a line a
-sentence and writes sentences_real_NAME.json.
+ROOMS holds NAME.usd or NAME/room.usd (`s2a prepare`) and NAME/descriptive.usda (`s2a export`) for each room of
+sentences_real.yaml. With `--execute` so many at a time of the right plans are executed by `s2a do`; else nothing is asked about
+reach. Prints a line a sentence and writes sentences_real_NAME.json.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def main() -> None:
     args = parser.parse_args()
     sentences, rows = yaml.safe_load(SENTENCES.read_text()), []
     for name in args.rooms or sentences:
-        stage = args.captures / f"{name}.usd"
+        stage = _stage(args.captures, name)
         settings = config.load(
             Config, config.compose("do", [f"stage={stage}", "sentence=x", "out=unused", "llm=rules"])
         )
@@ -90,13 +90,19 @@ def main() -> None:
     print(counts)
 
 
+def _stage(captures: Path, name: str) -> Path:
+    """Return the simulation-ready file of a room."""
+    stage = captures / f"{name}.usd"
+    return stage if stage.exists() else captures / name / "room.usd"
+
+
 def _execute(row: dict[str, Any], args: argparse.Namespace) -> None:
     """Do a sentence, and note how long it took and why it failed."""
     begun, out = (
         time.perf_counter(),
         args.out / "done" / f"{row['room']}_{re.sub(r'[^a-z0-9]+', '_', row['sentence'].lower())}.json",
     )
-    stage, scene = args.captures / f"{row['room']}.usd", args.captures / row["room"] / "descriptive.usda"
+    stage, scene = _stage(args.captures, row["room"]), args.captures / row["room"] / "descriptive.usda"
     keys = [f"stage={stage}", f"scene={scene}", "llm=rules", f"device={args.device}", f"out={out}"]
     done = s2a("do", row["sentence"], *keys, check=False)
     row["seconds"] = round(time.perf_counter() - begun, 1)

@@ -263,23 +263,31 @@ def uneven_rests(
     feet = under <= under.min(initial=np.inf) + FOOT
     if not len(spots) or feet.sum() < 3:
         return
+    # Feet and the cells about them: as for what stands level, the support goes on a little beyond its outline.
+    beside = np.unique(
+        (cells[feet][:, None] + np.stack(np.mgrid[-1:2, -1:2], -1).reshape(1, -1, 2)).reshape(-1, 2), axis=0
+    )
     index = np.round((spots - spots[0]) / CELL).astype(int)
-    size = np.ptp(index, axis=0) + np.ptp(cells, axis=0) + 1
-    first = spots[0] + CELL * cells.min(axis=0)
+    size = np.ptp(index, axis=0) + np.ptp(cells, axis=0) + 3
+    corner = cells.min(axis=0) - 1
+    first = spots[0] + CELL * corner
     grid = np.stack(np.meshgrid(*[first[k] + CELL * np.arange(size[k]) for k in range(2)], indexing="ij"), axis=-1)
     height, names = near.below(np.c_[grid.reshape(-1, 2), np.full(grid[..., 0].size, top)])
     height, own = height.reshape(size), np.array([n == support for n in names]).reshape(size)
-    for k, at in enumerate(index - cells.min(axis=0)):
+    for k, at in enumerate(index - corner):
+        ground = height[tuple((at + beside).T)] - under.min()
+        if not np.isfinite(ground).all() or np.ptp(ground) > SAG + 2 * LEAN * CELL * np.ptp(beside):
+            continue
         x, y = (at + cells).T
-        rest = _rest(CELL * cells, height[x, y] - under, own[x, y], feet, center - [0.0, 0.0, under.min()])
-        if rest is not None:
-            yield k, *rest
+        rest = _rest(CELL * cells, height[x, y] - under, own[x, y], center - [0.0, 0.0, under.min()])
+        if rest is not None and (CELL * beside @ rest[1] + rest[2] - ground).max() <= SAG:
+            yield k, rest[0], rest[2]
 
 
 def _rest(
-    cells: np.ndarray, height: np.ndarray, own: np.ndarray, feet: np.ndarray, center: np.ndarray
-) -> tuple[Rotation, float] | None:
-    """Return how an object leans, and how high its origin is [m], where it is let down; None: it does not rest steadily.
+    cells: np.ndarray, height: np.ndarray, own: np.ndarray, center: np.ndarray
+) -> tuple[Rotation, np.ndarray, float] | None:
+    """Return how an object leans, its slopes [2], and how high its origin is [m]; None: it does not rest steadily.
 
     It comes to rest on the three points around its centre of mass that carry it highest.
 
@@ -287,16 +295,13 @@ def _rest(
         cells: points below the object from its origin [m], shape [point 2].
         height: of the support there, above the object's underside as its origin is at zero [m], shape [point].
         own: whether that is the support's, shape [point], bool.
-        feet: whether the object has a foot there, likewise.
         center: of mass from the origin's projection on the underside [m], shape [3].
     """
-    if not np.isfinite(height[feet]).all() or np.ptp(height[feet]) > SAG + 2 * LEAN * np.ptp(cells[feet]):
-        return None
     there = np.isfinite(height)
-    cells, height, own, feet = cells[there], height[there], own[there], feet[there]
+    cells, height, own = cells[there], height[there], own[there]
     level = float(height.max())
     slope = np.zeros(2)
-    if np.ptp(height[feet]) > 0.0:
+    if np.ptp(height) > 0.0:
         try:
             sides = ConvexHull(np.c_[cells, height]).equations
         except QhullError:
@@ -305,9 +310,8 @@ def _rest(
         planes = np.c_[-sides[:, :2], -sides[:, 3]] / sides[:, 2:3]  # slopes along x and y, and height at the origin
         slope_x, slope_y, level = planes[(planes[:, :2] @ center[:2] + planes[:, 2]).argmin()]
         slope = np.array([slope_x, slope_y])
-    below = cells @ slope + level - height
-    carrying = below <= TOUCH
-    if np.linalg.norm(slope) > LEAN or not own[carrying].all() or below[feet].max() > SAG:
+    carrying = cells @ slope + level - height <= TOUCH
+    if np.linalg.norm(slope) > LEAN or not own[carrying].all():
         return None
     try:
         polygon = ConvexHull(cells[carrying]).equations
@@ -319,4 +323,4 @@ def _rest(
     normal = np.array([-slope[0], -slope[1], 1.0])
     axis = np.cross([0.0, 0.0, 1.0], normal)
     length = np.linalg.norm(axis)
-    return Rotation.from_rotvec(axis / max(length, 1e-12) * math.atan(length)), float(level)
+    return Rotation.from_rotvec(axis / max(length, 1e-12) * math.atan(length)), slope, float(level)

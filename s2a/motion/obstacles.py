@@ -241,7 +241,7 @@ def surface_points(hulls: Sequence[Mesh]) -> np.ndarray:
 
 
 def uneven_rests(
-    near: Obstacles, support: str, bottom: Mesh, center: np.ndarray, spots: np.ndarray, top: float
+    near: Obstacles, support: str, bottom: Mesh, center: np.ndarray, candidates: np.ndarray, top: float
 ) -> Iterator[tuple[int, Rotation, float]]:
     """Yield at which of some places an object rests steadily on a support, how it leans, and how high its origin is [m].
 
@@ -250,7 +250,7 @@ def uneven_rests(
         support: id of the support.
         bottom: hulls of the object about its origin, turned as they stand.
         center: of its mass, likewise [m], shape [3].
-        spots: places of a grid whose width is a multiple of CELL, the first one the least, shape [spot 2].
+        candidates: places of a grid whose width is a multiple of CELL, the first one the least, shape [spot 2].
         top: height above all of the support [m].
     """
     low, high = (np.floor(f(bottom.vertices[:, :2], axis=0) / CELL).astype(int) for f in (np.min, np.max))
@@ -261,16 +261,16 @@ def uneven_rests(
     )
     cells, under = cells[np.isfinite(under)], under[np.isfinite(under)]
     feet = under <= under.min(initial=np.inf) + FOOT
-    if not len(spots) or feet.sum() < 3:
+    if not len(candidates) or feet.sum() < 3:
         return
     # Feet and the cells about them: as for what stands level, the support goes on a little beyond its outline.
     beside = np.unique(
         (cells[feet][:, None] + np.stack(np.mgrid[-1:2, -1:2], -1).reshape(1, -1, 2)).reshape(-1, 2), axis=0
     )
-    index = np.round((spots - spots[0]) / CELL).astype(int)
+    index = np.round((candidates - candidates[0]) / CELL).astype(int)
     size = np.ptp(index, axis=0) + np.ptp(cells, axis=0) + 3
     corner = cells.min(axis=0) - 1
-    first = spots[0] + CELL * corner
+    first = candidates[0] + CELL * corner
     grid = np.stack(np.meshgrid(*[first[k] + CELL * np.arange(size[k]) for k in range(2)], indexing="ij"), axis=-1)
     height, names = near.below(np.c_[grid.reshape(-1, 2), np.full(grid[..., 0].size, top)])
     height, own = height.reshape(size), np.array([n == support for n in names]).reshape(size)
@@ -294,7 +294,7 @@ def _rest(
     Args:
         cells: points below the object from its origin [m], shape [point 2].
         height: of the support there, above the object's underside as its origin is at zero [m], shape [point].
-        own: whether that is the support's, shape [point], bool.
+        own: True where that is the support's, shape [point].
         center: of mass from the origin's projection on the underside [m], shape [3].
     """
     there = np.isfinite(height)

@@ -19,7 +19,7 @@ from typing import Any
 
 import yaml
 from insertion_study import RESULTS
-from skill_rooms import s2a
+from skill_rooms import message, s2a
 
 from s2a.core import config
 from s2a.core.provenance import provenance
@@ -106,7 +106,7 @@ def _execute(row: dict[str, Any], args: argparse.Namespace) -> None:
     keys = [f"stage={stage}", f"scene={scene}", "llm=rules", f"device={args.device}", f"out={out}"]
     done = s2a("do", row["sentence"], *keys, check=False)
     row["seconds"] = round(time.perf_counter() - begun, 1)
-    row["problem"] = "" if done.returncode == 0 else (done.stderr.strip().splitlines() or ["no message"])[-1]
+    row["problem"] = "" if done.returncode == 0 else message(done)
     print(row["room"], row["sentence"], row["seconds"], row["problem"] or "done", flush=True)
 
 

@@ -115,7 +115,7 @@ def _prepare(runs: Path, name: str) -> None:
                    "prepare.interior=true", f"out={out}/room.usd", check=False)  # fmt: skip
         if done.returncode == 0:
             break
-        text = done.stderr.strip().splitlines()[-1]
+        text = message(done)
         named = re.search(r"free=(\w+)", text)
         if named is None or named[1] not in free:
             raise SystemExit(text)
@@ -134,8 +134,14 @@ def s2a(*arguments: str, check: bool = True) -> subprocess.CompletedProcess[str]
     """Run a command of s2a; its last line of errors ends this process where it fails and that is not expected."""
     done = subprocess.run([sys.executable, "-m", "s2a", *arguments], capture_output=True, text=True, check=False)
     if check and done.returncode:
-        raise SystemExit(f"{' '.join(arguments)}: {done.stderr.strip().splitlines()[-1]}")
+        raise SystemExit(f"{' '.join(arguments)}: {message(done)}")
     return done
+
+
+def message(done: subprocess.CompletedProcess[str]) -> str:
+    """Return the message with which a command failed: its last line but for the time that it took."""
+    lines = [line for line in done.stderr.strip().splitlines() if not re.match(r"\w+: [\d.]+ s$", line)]
+    return lines[-1] if lines else "no message"
 
 
 if __name__ == "__main__":

@@ -264,9 +264,8 @@ def uneven_rests(
     if not len(candidates) or feet.sum() < 3:
         return
     # Feet and the cells about them: as for what stands level, the support goes on a little beyond its outline.
-    beside = np.unique(
-        (cells[feet][:, None] + np.stack(np.mgrid[-1:2, -1:2], -1).reshape(1, -1, 2)).reshape(-1, 2), axis=0
-    )
+    about = np.mgrid[-1:2, -1:2].reshape(2, -1).T
+    beside = np.unique((cells[feet][:, None] + about).reshape(-1, 2), axis=0)
     index = np.round((candidates - candidates[0]) / CELL).astype(int)
     size = np.ptp(index, axis=0) + np.ptp(cells, axis=0) + 3
     corner = cells.min(axis=0) - 1

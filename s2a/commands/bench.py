@@ -1,24 +1,29 @@
-"""Command `s2a bench`: measure a policy on held-out furniture, part by part."""
+"""Command `s2a bench`: measure a policy on held-out furniture, part by part, or verify such a measurement."""
 
+import hashlib
 import json
 import logging
+import math
+import secrets
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from s2a import tasks
 from s2a.commands.worlds import EpisodesConfig
 from s2a.core.bounds import Count, NotNegative
-from s2a.core.errors import InputError
+from s2a.core.check import as_json
+from s2a.core.errors import CheckFailed, InputError
 from s2a.core.outputs import Output, atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
-from s2a.learn.evaluate import Policy, baseline, by_part, run_episodes
+from s2a.learn.evaluate import Policy, baseline, by_part, overstated, run_episodes, unsound
 from s2a.learn.perception.network import fused, seen_pool
-from s2a.learn.rl.policy_file import PolicyFile
+from s2a.learn.rl.policy_file import PolicyFile, file_of
 from s2a.learn.rl.ppo import load_policy
 from s2a.learn.rl.run_folder import read_world
 from s2a.motion.policy import Planner
@@ -32,6 +37,8 @@ from s2a.tasks.env import VecEnv
 _log = logging.getLogger(__name__)
 
 PLANNER, RANDOM = "planner", "random"
+FREE = ("out", "device", "num_envs", "seed", "stage", "policy", "verify")  # Keys in which a verification may differ
+SHARE = 10  # Of so many parts, a verification measures one again
 # An environment and the planner's motions of its parts -> the policy that drives it
 Actor = Callable[[VecEnv, Sequence[Demonstration]], Policy]
 
@@ -45,6 +52,7 @@ class Config(EpisodesConfig):
         policy: planner, random, pretrained (with `perception` another one than without), or the file of a trained policy:
             model_N.onnx or model_N.pt.
         out: the results, a JSON file.
+        verify: results of another run of the same policy on the same parts: a tenth of the parts, drawn anew, is measured again.
         episodes: of each part.
         steps: control steps of an episode, the same for all policies.
         num_envs: worlds that are stepped together, at most.
@@ -61,6 +69,7 @@ class Config(EpisodesConfig):
 
     policy: str
     out: Output
+    verify: Path | None
     episodes: Count
     steps: Count
     perception: Path | None
@@ -70,7 +79,7 @@ class Config(EpisodesConfig):
 
 
 def run(config: Config) -> str:
-    """Run the episodes, write the results, and return a table of them."""
+    """Run the episodes, write the results, and return a table of them; CheckFailed: they contradict what is verified."""
     if config.num_envs < config.episodes:
         raise InputError(
             f"key 'num_envs' is {config.num_envs}, and a part has {config.episodes} episodes; give num_envs={config.episodes} "
@@ -79,9 +88,16 @@ def run(config: Config) -> str:
     who, task, act = _actor(config)
     entries, motions = pool.read(config.stage), pool.motions(config.stage)
     device, stages = device_of(config.device), pool.stages(config.stage, config.robot.name)
+    made = _made(config, entries)
+    claim = _claim(config.verify, made, entries, tasks.task(task.name).RESULTS.rates) if config.verify else None
+    draw = secrets.randbits(64)  # nobody knows before which parts are measured again
+    drawn = np.arange(len(entries))
+    if claim:
+        drawn = np.sort(np.random.default_rng(draw).permutation(drawn)[: math.ceil(len(drawn) / SHARE)])
     if config.perception:
         stages = seen_pool(config.stage, stages, config.perception, device)
         stages = [replace(stage, estimates=fused(stage.estimates, config.perception_frames)) for stage in stages]
+    entries, motions, stages = ([all_of[i] for i in drawn] for all_of in (entries, motions, stages))
     longest = 0
     batches = list(_batches(stages, config.num_envs // config.episodes))
     columns: dict[str, list[torch.Tensor]] = {}
@@ -103,15 +119,72 @@ def run(config: Config) -> str:
         "perception": config.perception and str(config.perception),
         "grasp_error": config.grasp_error,
         "grasp_turn": config.grasp_turn,
+        **made,
     }
     shown = [name for name in rates if name in env.task.RESULTS.logged[:2]]
     if cut:
         about["plans_cut"] = cut
         text = "%d of %d plans are longer than an episode of %d steps and count as failures; give steps=%d"
         _log.warning(text, len(cut), len(entries), config.steps, longest)
+    why: list[str] = []
+    if claim:
+        why = overstated(claim["parts"], tables["parts"], shown)
+        about |= {"verifies": str(config.verify), "draw": draw, "doubts": why}
     with atomic_write(config.out) as file:
         file.write_text(json.dumps({**about, **tables, **provenance(device)}, indent=1))
-    return "\n".join([f"{config.out}: {who}, {config.episodes} episodes a part", *_table(tables["over_parts"], shown)])
+    lines = [f"{config.out}: {who}, {config.episodes} episodes a part", *_table(tables["over_parts"], shown)]
+    if claim:
+        lines.insert(1, f"  {config.verify}: {'refused' if why else 'confirmed'} by {len(entries)} drawn parts")
+        lines[2:2] = [f"    {each}" for each in why]
+    if why:
+        raise CheckFailed("\n".join(lines))
+    return "\n".join(lines)
+
+
+def _made(config: Config, entries: Sequence[pool.PoolPart]) -> dict[str, Any]:
+    """Return what a measurement is of: SHA-256 of the policy's file (None: it has none) and of the parts' files; settings."""
+    files = [name for each in entries for name in (each.room, each.motion, each.frames) if name]
+    digest = hashlib.sha256(json.dumps(as_json(entries)).encode())
+    for name in dict.fromkeys(files):
+        digest.update((config.stage.parent / name).read_bytes())
+    policy = None
+    if config.policy not in (PLANNER, RANDOM):
+        policy = hashlib.sha256(file_of(Path(config.policy)).read_bytes()).hexdigest()
+    settings = {name: value for name, value in asdict(config).items() if name not in FREE}
+    return {
+        "policy_sha256": policy,
+        "parts_sha256": digest.hexdigest(),
+        "settings": json.loads(json.dumps(as_json(settings), default=str)),
+    }
+
+
+def _claim(path: Path, made: dict[str, Any], entries: Sequence[pool.PoolPart], rates: Sequence[str]) -> dict[str, Any]:
+    """Return the results that are verified.
+
+    Raises:
+        InputError: they are none, or of another policy, other parts or settings.
+        CheckFailed: they contradict themselves.
+    """
+    try:
+        claim = json.loads(path.read_text())
+        claimed = {name: claim[name] for name in ("policy_sha256", "parts_sha256", "settings")}
+        claim["parts"][0]["episodes"], claim["over_parts"]["all"]
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        raise InputError(f"verify {str(path)!r}: no results of s2a bench of this version ({error!r})") from error
+    for name, what in (("policy_sha256", "policy"), ("parts_sha256", "stage")):
+        if claimed[name] != made[name]:
+            raise InputError(f"verify {str(path)!r} is of another {what} (key {what!r}: its files differ)")
+    for key, value in made["settings"].items():
+        other = claimed["settings"].get(key)
+        if other != value:
+            short = (
+                other if not isinstance(value, dict) else {k: other.get(k) for k in value if other.get(k) != value[k]}
+            )
+            raise InputError(f"verify {str(path)!r} was measured with another key {key!r}: {short}; give the same")
+    why = unsound(claim, entries, rates)
+    if why:
+        raise CheckFailed("\n    ".join([f"{path}: refused before a part was measured", *why]))
+    return dict(claim)
 
 
 def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:

@@ -159,6 +159,68 @@ def by_part(
     return {"parts": rows, "over_parts": tables}
 
 
+CERTAIN = 0.002  # Chance at most of a doubt about an honest result, of each test
+
+
+def unsound(claim: Mapping[str, Any], entries: Sequence[PoolPart], rates: Sequence[str]) -> list[str]:
+    """Return why a benchmark's results contradict themselves: rows that are not of all parts, or means that are not the rows'.
+
+    `claim`: what `by_part` returned to who claims; `entries`: the parts, in order; `rates`: columns that a row has.
+    """
+    rows: Sequence[Mapping[str, Any]] = claim["parts"]
+    if [(row.get("room"), row.get("part")) for row in rows] != [(each.room, each.part) for each in entries]:
+        return [f"its {len(rows)} rows are not those of the {len(entries)} parts"]
+    count = np.array([float(row.get("episodes", np.nan)) for row in rows])
+    values = {name: np.array([float(row.get(name, np.nan)) for row in rows]) for name in rates}
+    out = [
+        f"{name}: a row is no rate of its episodes"
+        for name, each in values.items()
+        if not ((np.abs(each * count - (each * count).round()) < 1e-6) & (each >= 0.0) & (each <= 1.0)).all()
+    ]
+    tables, stated = by_part(values, entries, np.arange(len(entries)), 0)["over_parts"], claim["over_parts"]
+    for by, table in tables.items():
+        mine, theirs = ({"": table}, {"": stated.get(by)}) if by == "all" else (table, stated.get(by, {}))
+        same = mine.keys() == theirs.keys() and all(
+            np.isclose(row[name]["rate"], theirs[key][name]["rate"]) for key, row in mine.items() for name in rates
+        )
+        out += [] if same else [f"the means over {by} are not those of the rows"]
+    return out
+
+
+def overstated(
+    rows: Sequence[Mapping[str, Any]], again: Sequence[Mapping[str, Any]], names: Sequence[str]
+) -> list[str]:
+    """Return which rates are claimed to be higher than new episodes of some parts show, by more than chance.
+
+    Tested over all of these parts by flipping signs, and part by part by Fisher's exact test, corrected after Bonferroni.
+
+    Args:
+        rows: the claimed ones, of all parts.
+        again: those of the parts that were measured again.
+        names: columns that are compared.
+    """
+    from scipy.stats import fisher_exact, permutation_test  # as in `rate`
+
+    by_key = {(row["room"], row["part"]): row for row in rows}
+    pairs = [(by_key[row["room"], row["part"]], row) for row in again]
+    out = []
+    for name in names:
+        before, now = (np.array([row[name] for row in each]) for each in zip(*pairs, strict=True))
+        chance = 1.0
+        if len(pairs) > 1:
+            keys = {"permutation_type": "samples", "alternative": "greater", "vectorized": True, "rng": 0}
+            chance = float(permutation_test((before, now), lambda a, b, axis: (a - b).mean(axis), **keys).pvalue)
+        if chance < CERTAIN:
+            out.append(f"{name}: {before.mean():.1%} claimed, {now.mean():.1%} measured (p = {chance:.1g})")
+        for old, new in pairs:
+            counts = [[round(share * row["episodes"]) for share in (row[name], 1.0 - row[name])] for row in (old, new)]
+            chance = float(fisher_exact(counts, alternative="greater").pvalue) * len(pairs)
+            if chance < CERTAIN:
+                where = f"{old['room']} {old['part']}"
+                out.append(f"{name}: {old[name]:.1%} of {where} claimed, {new[name]:.1%} measured (p = {chance:.1g})")
+    return out
+
+
 def _group(each: Mapping[str, np.ndarray], members: np.ndarray, seed: int) -> dict[str, Any]:
     """Return how many parts a group has, and the mean of every rate over them with its interval."""
     return {"parts": len(members), **{name: interval(values[members], seed) for name, values in each.items()}}

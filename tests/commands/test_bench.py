@@ -14,6 +14,7 @@ from settings import load
 from s2a import robot
 from s2a.commands import bench, cli
 from s2a.core import config
+from s2a.learn.evaluate import overstated
 from s2a.motion.open import demonstration, opening_path
 from s2a.motion.trajectory import Demonstration, PlannerConfig
 from s2a.scene.scene import Joint
@@ -130,3 +131,42 @@ def test_the_splits_keep_to_their_seeds(name: str, seeds: range) -> None:
     split = config.file(f"split/{name}")
     assert set(range(split["first"], split["first"] + split["count"])) <= set(seeds)
     assert ("living_room" in split["rooms"]) == (name == "test") and ("leave_out" in split) == (name == "train")
+
+
+def test_a_claim_is_verified_by_parts_that_nobody_foresees(
+    index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    claim, out = tmp_path / "claim.json", tmp_path / "verified.json"
+    keys = [f"stage={index}", "policy=random", *QUICK]
+    assert cli.main(["bench", *keys, f"out={claim}"]) == 0
+    verify = ["bench", *keys, f"verify={claim}", f"out={out}"]
+    assert cli.main(verify) == 0
+    row = json.loads(out.read_text())
+    assert row["doubts"] == [] and len(row["parts"]) == 1 and "confirmed by 1 drawn part" in capsys.readouterr().out
+    assert cli.main([*verify, "steps=4"]) == 2
+    assert "another key 'steps': 3" in capsys.readouterr().err
+    honest = json.loads(claim.read_text())
+    claim.write_text(json.dumps(honest | {"parts": honest["parts"][:2]}))
+    assert cli.main(verify) == 1 and "rows are not those of the 3 parts" in capsys.readouterr().out
+    honest["over_parts"]["all"]["success"]["rate"] = 0.5
+    claim.write_text(json.dumps(honest))
+    assert cli.main(verify) == 1 and "means over all are not those of the rows" in capsys.readouterr().out
+
+
+def _rows(rates: np.ndarray, episodes: int, random: np.random.Generator) -> list[dict]:
+    hits = random.binomial(episodes, rates)
+    return [{"room": f"r_{i}", "part": "p", "episodes": episodes, "success": k / episodes} for i, k in enumerate(hits)]
+
+
+def test_honest_claims_pass_and_inflated_ones_do_not() -> None:
+    random, honest, raised, chosen = np.random.default_rng(0), 0, 0, 0
+    for _ in range(12):
+        rates = random.beta(4.0, 0.3, 50)
+        claim, again = _rows(rates, 64, random), _rows(rates, 64, random)
+        honest += bool(overstated(claim, again, ["success"]))
+        more = [row | {"success": min(1.0, row["success"] + 5 / 64)} for row in claim]
+        raised += bool(overstated(more, again, ["success"]))
+        weak = int(np.argmin(rates))
+        claim[weak] |= {"success": 1.0}
+        chosen += bool(overstated(claim, again, ["success"]))
+    assert honest <= 1 and raised >= 11 and chosen >= 11, (honest, raised, chosen)

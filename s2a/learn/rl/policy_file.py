@@ -47,7 +47,7 @@ class PolicyFile:
         Raises:
             InputError: there is no such file, it is no ONNX file, or its metadata are of another version.
         """
-        file = _found(path)
+        file = file_of(path)
         self.name = PRETRAINED if str(path) == PRETRAINED else file.name
         self._session = _opened(file)
         metadata = self._session.get_modelmeta().custom_metadata_map
@@ -124,8 +124,8 @@ def wrap(network: nn.Module | Path, out: Path, env: VecEnv) -> Path:
             _refuse_misfit(module, env, "network")
             _write_graph(module, env.observation.shape[1], file)
         else:
-            _opened(_found(network))
-            onnx.save(onnx.load(_found(network)), file)  # with the weights, also those of a file of their own
+            _opened(file_of(network))
+            onnx.save(onnx.load(file_of(network)), file)  # with the weights, also those of a file of their own
         _write_world(file, run_folder.world_json(env.sim.config, env.task.config))
         PolicyFile(file).bound(env)
     return out
@@ -147,8 +147,8 @@ def _refuse_misfit(act: Callable[[torch.Tensor], Any], env: VecEnv, name: str) -
         raise InputError(f"{name}: its actions are not finite for an observation of this environment")
 
 
-def _found(path: Path) -> Path:
-    """Return the file that a path means; InputError where there is none."""
+def file_of(path: Path) -> Path:
+    """Return the file that a path or "pretrained" means; InputError where there is none."""
     file = Path(__file__).parents[1] / "policies/open_part.onnx" if str(path) == PRETRAINED else path
     if not file.is_file():
         raise InputError(f"policy {str(path)!r}: no such file; give an .onnx that s2a train wrote, or {PRETRAINED}")
@@ -162,7 +162,7 @@ def weights(path: Path) -> dict[str, torch.Tensor]:
     """
     import onnx  # 0.2 s to import, which no start of a training should pay
 
-    graph = onnx.load(_found(path)).graph
+    graph = onnx.load(file_of(path)).graph
     values = {each.name: torch.from_numpy(onnx.numpy_helper.to_array(each).copy()) for each in graph.initializer}
     layers = {name: value for name, value in values.items() if name.startswith(("mlp.", "obs_normalizer."))}
     divisor = next(node.input[1] for node in graph.node if node.op_type == "Div")

@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 PLANNER, RANDOM = "planner", "random"
 FREE = ("out", "device", "num_envs", "seed", "stage", "policy", "verify")  # Keys in which a verification may differ
-SHARE = 10  # Of so many parts, a verification measures one again
+TENTH = 10  # Of so many parts, a verification measures one again
 # An environment and the planner's motions of its parts -> the policy that drives it
 Actor = Callable[[VecEnv, Sequence[Demonstration]], Policy]
 
@@ -52,7 +52,7 @@ class Config(EpisodesConfig):
         policy: planner, random, pretrained (with `perception` another one than without), or the file of a trained policy:
             model_N.onnx or model_N.pt.
         out: the results, a JSON file.
-        verify: results of another run of the same policy on the same parts: a tenth of the parts, drawn anew, is measured again.
+        verify: results of another run of the same policy on the same parts: a randomly drawn tenth of the parts is measured again.
         episodes: of each part.
         steps: control steps of an episode, the same for all policies.
         num_envs: worlds that are stepped together, at most.
@@ -93,7 +93,7 @@ def run(config: Config) -> str:
     draw = secrets.randbits(64)  # nobody knows before which parts are measured again
     drawn = np.arange(len(entries))
     if claim:
-        drawn = np.sort(np.random.default_rng(draw).permutation(drawn)[: math.ceil(len(drawn) / SHARE)])
+        drawn = np.sort(np.random.default_rng(draw).permutation(drawn)[: math.ceil(len(drawn) / TENTH)])
     if config.perception:
         stages = seen_pool(config.stage, stages, config.perception, device)
         stages = [replace(stage, estimates=fused(stage.estimates, config.perception_frames)) for stage in stages]

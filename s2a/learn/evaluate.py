@@ -213,7 +213,7 @@ def overstated(
         if chance < CERTAIN:
             out.append(f"{name}: {before.mean():.1%} claimed, {now.mean():.1%} measured (p = {chance:.1g})")
         for old, new in pairs:
-            counts = [[round(share * row["episodes"]) for share in (row[name], 1.0 - row[name])] for row in (old, new)]
+            counts = [[round(rate * row["episodes"]) for rate in (row[name], 1.0 - row[name])] for row in (old, new)]
             chance = float(fisher_exact(counts, alternative="greater").pvalue) * len(pairs)
             if chance < CERTAIN:
                 where = f"{old['room']} {old['part']}"

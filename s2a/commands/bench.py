@@ -52,7 +52,7 @@ class Config(EpisodesConfig):
         policy: planner, random, pretrained (with `perception` another one than without), or the file of a trained policy:
             model_N.onnx or model_N.pt.
         out: the results, a JSON file.
-        verify: results of another run of the same policy on the same parts: a randomly drawn tenth of the parts is measured again.
+        verify: results of the same policy on the same parts: a randomly drawn tenth of the parts is measured again.
         episodes: of each part.
         steps: control steps of an episode, the same for all policies.
         num_envs: worlds that are stepped together, at most.

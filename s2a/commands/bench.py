@@ -5,7 +5,7 @@ import json
 import logging
 import math
 import secrets
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -97,7 +97,7 @@ def run(config: Config) -> str:
     if config.perception:
         stages = seen_pool(config.stage, stages, config.perception, device)
         stages = [replace(stage, estimates=fused(stage.estimates, config.perception_frames)) for stage in stages]
-    entries, motions, stages = ([all_of[i] for i in drawn] for all_of in (entries, motions, stages))
+    entries, motions, stages = [entries[i] for i in drawn], [motions[i] for i in drawn], [stages[i] for i in drawn]
     longest = 0
     batches = list(_batches(stages, config.num_envs // config.episodes))
     columns: dict[str, list[torch.Tensor]] = {}
@@ -158,7 +158,7 @@ def _made(config: Config, entries: Sequence[pool.PoolPart]) -> dict[str, Any]:
     }
 
 
-def _claim(path: Path, made: dict[str, Any], entries: Sequence[pool.PoolPart], rates: Sequence[str]) -> dict[str, Any]:
+def _claim(path: Path, made: dict[str, Any], entries: Sequence[pool.PoolPart], rates: Iterable[str]) -> dict[str, Any]:
     """Return the results that are verified.
 
     Raises:
@@ -181,7 +181,7 @@ def _claim(path: Path, made: dict[str, Any], entries: Sequence[pool.PoolPart], r
                 other if not isinstance(value, dict) else {k: other.get(k) for k in value if other.get(k) != value[k]}
             )
             raise InputError(f"verify {str(path)!r} was measured with another key {key!r}: {short}; give the same")
-    why = unsound(claim, entries, rates)
+    why = unsound(claim, entries, list(rates))
     if why:
         raise CheckFailed("\n    ".join([f"{path}: refused before a part was measured", *why]))
     return dict(claim)

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-VOXEL, TRUNCATION, FAR, INVALID = 0.01, 0.04, 4.0, 65535
+VOXEL, TRUNCATION, FAR, INVALID = 0.01, 4.0, 4.0, 65535  # [m], [voxel], [m]
+BLOCKS, MIN_FRAMES = 10_000, 3.0
 
 
 def main() -> None:
@@ -25,19 +26,18 @@ def main() -> None:
     import open3d as o3d  # in an environment of its own, which has no s2a
 
     begun = time.process_time()
-    matrix = np.loadtxt(args.frames / "camera-intrinsics.txt")
-    none = o3d.pipelines.integration.TSDFVolumeColorType.NoColor
-    volume = o3d.pipelines.integration.ScalableTSDFVolume(VOXEL, TRUNCATION, none)
+    core = o3d.core
+    types = (core.float32, core.float32)
+    grid = o3d.t.geometry.VoxelBlockGrid(("tsdf", "weight"), types, ((1), (1)), VOXEL, 16, BLOCKS, core.Device("CPU:0"))
+    camera = core.Tensor(np.loadtxt(args.frames / "camera-intrinsics.txt"))
     for path in sorted(args.frames.glob("frame-*.depth.png")):
         depth = np.array(o3d.io.read_image(str(path)))
         depth[depth == INVALID] = 0
-        height, width = depth.shape
-        camera = o3d.camera.PinholeCameraIntrinsic(width, height, *matrix[[0, 1, 0, 1], [0, 1, 2, 2]])
-        images = o3d.geometry.Image(np.zeros((height, width, 3), np.uint8)), o3d.geometry.Image(depth)
-        frame = o3d.geometry.RGBDImage.create_from_color_and_depth(*images, 1000.0, FAR, False)
+        image = o3d.t.geometry.Image(core.Tensor(depth))
         pose = np.loadtxt(path.with_name(path.name.replace("depth.png", "pose.txt")))
-        volume.integrate(frame, camera, np.linalg.inv(pose))
-    mesh = volume.extract_triangle_mesh()
+        view = image, camera, core.Tensor(np.linalg.inv(pose)), 1000.0, FAR, TRUNCATION
+        grid.integrate(grid.compute_unique_block_coordinates(*view), *view)
+    mesh = grid.extract_triangle_mesh(MIN_FRAMES).to_legacy()
     o3d.io.write_triangle_mesh(str(args.out), mesh)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(

@@ -132,7 +132,9 @@ def nearby_placements(room: SimRoom, name: str, other: np.ndarray, level: float 
             count += 1
             yield pose
     if not count:
-        raise InputError(f"nothing within {FAR:.1f} m of {name!r} has a level spot that is free for it; give a pose")
+        raise InputError(
+            f"nothing within {FAR:.1f} m of {name!r} has a spot that is free for it, level or steady; give a pose"
+        )
 
 
 def _distance(near: Obstacles, support: str, other: np.ndarray) -> float:
@@ -161,7 +163,8 @@ def free_placements(
     first = next(poses, None)
     if first is None:
         raise InputError(
-            f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands"
+            f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands, nor an "
+            "uneven one where it rests steadily; give another support or a pose"
         )
     yield first
     yield from poses

@@ -84,7 +84,8 @@ def read_stage(
             if held == contact and any(np.array_equal(pose, at) for pose in poses):
                 raise error
         try:
-            return plan_pick(PickTask(room, target, *ends, motion.approach), spec, contacts=(contact,), grasps=grasps)
+            task = PickTask(room, target, *ends, motion.approach, motion.start_noise)
+            return plan_pick(task, spec, contacts=(contact,), grasps=grasps)
         except Unreachable as error:
             failures.append(error)
             if error.crowded is not None:

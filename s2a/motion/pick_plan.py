@@ -11,8 +11,8 @@ from s2a.motion.grasps import SAMPLES, GraspCache, ObjectGrasps, failure
 from s2a.motion.gripper import FIRM, Contact, gripper_depth, is_near
 from s2a.motion.obstacles import Obstacles, surface_points
 from s2a.motion.search import IK_SEEDS, Follow, Search, Stand, around, chunks, reached
-from s2a.motion.workcell import Workcell
-from s2a.robot.collision import Penetration, robot_shape
+from s2a.motion.workcell import Workcell, noisy_starts
+from s2a.robot.collision import SLACK, Penetration, robot_shape
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import matrix
 from s2a.scene.usd.sim_scene import SimRoom
@@ -45,6 +45,7 @@ class PickTask:
     start: np.ndarray  # where it stands, 7-vector of its body frame, scene frame
     goal: np.ndarray  # where it is placed, likewise
     approach: float  # straight path to the grasp, and back after the release [m]
+    noise: float = 0.0  # by which joints may be off home as the robot starts [rad]
 
 
 @dataclass(frozen=True)
@@ -127,6 +128,7 @@ class PickPlanner:
     def __init__(self, task: PickTask, spec: RobotSpec, grasps: GraspCache, seed: int) -> None:
         """Take what is done, by which robot, and the object's grasps."""
         self._spec, self._grasps, self._seed, self._target = spec, grasps, seed, task.target
+        self._starts = noisy_starts(spec, task.noise, seed) if task.noise else np.array([spec.home])
         self._start, self._goal, self._approach = matrix(task.start), matrix(task.goal), task.approach
         self._cell = Workcell(spec, Obstacles.of_room(task.room, {task.target}, (task.start[:3] + task.goal[:3]) / 2))
         self._points = surface_points([c.mesh for c in task.room.free[task.target].colliders])
@@ -155,7 +157,7 @@ class PickPlanner:
         nearest = 0.0 if any(is_clear for _, is_clear in tried) else self._least([every for every, _ in tried])
         size = float(np.ptp(self._points, axis=0).min())
         error = failure(self._target, nearest, size, self._search.misses, self._spec, self._grasps.ended)
-        if 0.0 < nearest < math.inf:
+        if 0.0 < nearest < math.inf and not self._is_late():
             ends = (self._start, self._goal)
             error.crowded = next((at for at in ends if not any(self._is_clear(each, at) for each, _ in tried)), None)
         raise error
@@ -170,7 +172,7 @@ class PickPlanner:
         """Yield bases and indices of grasps that reach, those where the arm was found to be clear first."""
         places = {"grasp": self._start, "place": self._goal}
         later: list[tuple[Stand, int]] = []
-        for some in chunks(around(self._cell, self._start, self._goal), BASES):
+        for some in chunks(self._bases(), BASES):
             if self._is_late():
                 return
             stands = some if fits is None else fits(some)
@@ -182,12 +184,24 @@ class PickPlanner:
                     later.append((stand, k))
         yield from later
 
+    def _bases(self) -> Iterator[Stand]:
+        """Yield bases; those from which the arm, as it starts off home, may meet something, come last."""
+        tight: list[Stand] = []
+        for stand in around(self._cell, self._start, self._goal):
+            if self._cell.arm_depth(self._starts, stand.base).max() <= SLACK:
+                yield stand
+            else:
+                tight.append(stand)
+        yield from tight
+
     def _least(self, tried: list[ObjectGrasps]) -> float:
         """Return the penetration depth [m] of the grasp that comes nearest to being clear, inf of none."""
         least = math.inf
         for grasps in tried:
             for block in chunks(iter(range(len(grasps.tool))), BLOCK):
                 least = min(least, float(self._depth(grasps[block], least).min()))
+                if self._is_late():
+                    return least
         return least
 
     def _depth(self, grasps: ObjectGrasps, limit: float = 0.0) -> np.ndarray:
@@ -214,6 +228,8 @@ class PickPlanner:
         for block in chunks(iter(range(len(grasps.tool))), BLOCK):
             some = [k for k in block if not is_near(grasps.tool[k], grasps.tool[chosen])]
             depth = self._depth(grasps[some]) if some else np.zeros(0)
+            if self._is_late():
+                return chosen
             for k, reached_into in zip(some, depth, strict=True):
                 # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
                 if reached_into <= 0.0 and not is_near(grasps.tool[k], grasps.tool[chosen]):

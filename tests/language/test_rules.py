@@ -213,3 +213,9 @@ def test_a_colour_chooses_among_what_is_known_and_a_wrong_one_is_refused(
         facts[cup.id] = cup
     made = planned(sentence, facts)
     assert plan == (made.refusal or made.skills[0].object)
+
+
+def test_a_verb_goes_on_with_ids_and_with_places() -> None:
+    assert words("open drawer_3 and then drawer_4") == [*words("open drawer_3"), *words("open drawer_4")]
+    both = [*words("put the glue stick on the table"), *words("put cup_16 on the table")]
+    assert words("put the glue stick on the table and cup_16 on the table") == both

@@ -351,7 +351,7 @@ def rules(request: Request) -> Answer:
 
 @dataclass
 class _Memory:
-    """The part and the object that were named last, which "it" means; the skill that a bare noun goes on with; what was moved."""
+    """The part and the object that were named last, which "it" means; the words that a bare noun goes on with; what was moved."""
 
     skills: Mapping[str, type[Task]]
     part: str | None = None
@@ -373,8 +373,9 @@ def _skills(sentence: str, facts: Facts, skills: Mapping[str, type[Task]]) -> li
     memory, plan = _Memory(skills), list[Skill]()
     for clause in (TRAILING.sub("", " ".join(each.split())) for each in clauses):
         if clause and clause != "please":
-            if plan and clause.split()[0] in ("the", "a", "an") and memory.verb:  # "open the window and the door"
-                clause = f"{skills[memory.verb].INSTRUCTION.phrases[0]} {clause}"
+            # "open the window and the door", "put the cup on the desk and the glue stick on the table"
+            if plan and memory.verb and clause.split()[0] in ("the", "a", "an", *facts):
+                clause = f"{memory.verb} {clause}"
             plan += _clause(clause, facts, memory)
     if memory.held:
         raise Unresolved("impossible", "no skill holds an object; say where to put it")
@@ -390,12 +391,13 @@ def _clause(clause: str, facts: Facts, memory: _Memory) -> list[Skill]:
     turns = _turns(memory.skills)
     for pattern, name in turns:
         if match := pattern.match(clause):
-            memory.verb = name
+            memory.verb = memory.skills[name].INSTRUCTION.phrases[0]
             return [_turn(match[1], name, facts, memory)]
     memory.verb = None
     if match := PUT.match(clause):
         if re.match(r"(?:me|us|him|her)\b", match[1]):
             raise Unresolved("impossible", "no skill hands an object over")
+        memory.verb = "put"
         return [_put(re.sub(r" (?:down|away|back)(?= )", "", match[1]), facts, memory)]
     if match := TAKE.match(clause):
         memory.object, memory.held = resolve(match[1], facts, _is_free, "lies free", all_fit=True), True

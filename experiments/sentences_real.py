@@ -106,7 +106,7 @@ def _execute(row: dict[str, Any], args: argparse.Namespace) -> None:
     keys = [f"stage={stage}", f"scene={scene}", "llm=rules", f"device={args.device}", f"out={out}"]
     done = s2a("do", row["sentence"], *keys, check=False)
     row["seconds"] = round(time.perf_counter() - begun, 1)
-    row["problem"] = "" if done.returncode == 0 else message(done)
+    row["problem"] = json.loads(out.read_text())["problem"] if out.exists() else message(done)
     print(row["room"], row["sentence"], row["seconds"], row["problem"] or "done", flush=True)
 
 

@@ -139,8 +139,8 @@ def s2a(*arguments: str, check: bool = True) -> subprocess.CompletedProcess[str]
 
 
 def message(done: subprocess.CompletedProcess[str]) -> str:
-    """Return the message with which a command failed: its last line but for the time that it took."""
-    lines = [line for line in done.stderr.strip().splitlines() if not re.match(r"\w+: [\d.]+ s$", line)]
+    """Return the message with which a command failed: its last line but for the time that it took and what Warp prints."""
+    lines = [line for line in done.stderr.strip().splitlines() if not re.match(r"\w+: [\d.]+ s$|Warp |Module ", line)]
     return lines[-1] if lines else "no message"
 
 

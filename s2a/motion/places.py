@@ -272,8 +272,9 @@ def first_planned(
     except InputError:  # no spot is free; the object may be too large for the gripper as well
         refuse_ungraspable(room, name, spec, contact)
         raise
-    refuse_ungraspable(room, name, spec, contact)
     assert first is not None, "`place_poses` yields a pose, or raises"
+    if first.crowded is None:  # else there are grasps, none of them clear
+        refuse_ungraspable(room, name, spec, contact)
     raise first
 
 

@@ -163,7 +163,7 @@ def _measured(room: RoomState, inserted: Inserted, truth: dict) -> dict:
 
 def sheets(folder: Path, shuffle: int) -> None:
     """Write contact sheets of a folder's images in an order drawn by a seed, and order.json."""
-    files = sorted(folder.glob("*_????.png"))
+    files = sorted(file for file in folder.glob("*_????.png") if not file.stem.startswith("sheet_"))
     random.Random(shuffle).shuffle(files)
     for number, some in enumerate(_parts(files)):
         images = [Image.open(file).convert("RGB") for file in some]

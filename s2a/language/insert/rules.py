@@ -346,7 +346,8 @@ def _merit(facts: Any, entry: ObjectKind | None, axis: str) -> float:
         mouth = MOUTH * (sum(slices[3:]) - sum(slices[:2])) * (1.0 if axis[0] == "+" else -1.0)
     ends = MIRRORED * min(MOST, sum(abs(one - other) for one, other in zip(slices, slices[::-1], strict=True)) / 5)
     one, other = (side for name, side in zip("xyz", facts["sides"], strict=True) if name != axis[1])
-    turned = ROUND if abs(one - other) <= ALIKE * max(one, other) and max(slices, default=0.0) < FULL else 0.0
+    carton = entry is not None and entry.noun == "box" and max(slices, default=0.0) >= FULL
+    turned = ROUND if abs(one - other) <= ALIKE * max(one, other) and not carton else 0.0
     habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.2 if axis == facts["up"] else 0.0)
     return (firm + mouth + ends + turned) * _fit(facts, entry, axis) + habit
 

@@ -98,10 +98,9 @@ def _stage(captures: Path, name: str) -> Path:
 
 def _execute(row: dict[str, Any], args: argparse.Namespace) -> None:
     """Do a sentence, and note how long it took and why it failed."""
-    begun, out = (
-        time.perf_counter(),
-        args.out / "done" / f"{row['room']}_{re.sub(r'[^a-z0-9]+', '_', row['sentence'].lower())}.json",
-    )
+    name = f"{row['room']}_{re.sub(r'[^a-z0-9]+', '_', row['sentence'].lower())}.json"
+    begun, out = time.perf_counter(), args.out / "done" / name
+    out.unlink(missing_ok=True)  # a refusal leaves an earlier record as it was
     stage, scene = _stage(args.captures, row["room"]), args.captures / row["room"] / "descriptive.usda"
     keys = [f"stage={stage}", f"scene={scene}", "llm=rules", f"device={args.device}", f"out={out}"]
     done = s2a("do", row["sentence"], *keys, check=False)

@@ -22,8 +22,10 @@ from s2a.core.outputs import Output, atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import Policy, baseline, by_part, overstated, run_episodes, unsound
+from s2a.learn.perception import network
 from s2a.learn.perception.network import fused, seen_pool
-from s2a.learn.rl.policy_file import PolicyFile, file_of
+from s2a.learn.rl import policy_file
+from s2a.learn.rl.policy_file import PolicyFile
 from s2a.learn.rl.ppo import load_policy
 from s2a.learn.rl.run_folder import read_world
 from s2a.motion.policy import Planner
@@ -37,8 +39,22 @@ from s2a.tasks.env import VecEnv
 _log = logging.getLogger(__name__)
 
 PLANNER, RANDOM = "planner", "random"
-FREE = ("out", "device", "num_envs", "seed", "stage", "policy", "verify")  # Keys in which a verification may differ
-TENTH = 10  # Of so many parts, a verification measures one again
+FREE = (
+    "out",
+    "device",
+    "num_envs",
+    "seed",
+    "stage",
+    "policy",
+    "perception",
+    "verify",
+)  # Keys in which a verification may differ
+HASHES = {
+    "policy_sha256": "policy",
+    "perception_sha256": "perception",
+    "parts_sha256": "stage",
+}  # And the keys they are of
+TENTH, LEAST = 10, 10  # Of so many parts, a verification measures one again; and at least so many, or all
 # An environment and the planner's motions of its parts -> the policy that drives it
 Actor = Callable[[VecEnv, Sequence[Demonstration]], Policy]
 
@@ -93,7 +109,7 @@ def run(config: Config) -> str:
     draw = secrets.randbits(64)  # nobody knows before which parts are measured again
     drawn = np.arange(len(entries))
     if claim:
-        drawn = np.sort(np.random.default_rng(draw).permutation(drawn)[: math.ceil(len(drawn) / TENTH)])
+        drawn = np.sort(np.random.default_rng(draw).permutation(drawn)[: max(LEAST, math.ceil(len(drawn) / TENTH))])
     if config.perception:
         stages = seen_pool(config.stage, stages, config.perception, device)
         stages = [replace(stage, estimates=fused(stage.estimates, config.perception_frames)) for stage in stages]
@@ -128,7 +144,7 @@ def run(config: Config) -> str:
         _log.warning(text, len(cut), len(entries), config.steps, longest)
     why: list[str] = []
     if claim:
-        why = overstated(claim["parts"], tables["parts"], shown)
+        why = overstated(claim["parts"], tables["parts"], list(rates))
         about |= {"verifies": str(config.verify), "draw": draw, "doubts": why}
     with atomic_write(config.out) as file:
         file.write_text(json.dumps({**about, **tables, **provenance(device)}, indent=1))
@@ -142,17 +158,17 @@ def run(config: Config) -> str:
 
 
 def _made(config: Config, entries: Sequence[pool.PoolPart]) -> dict[str, Any]:
-    """Return what a measurement is of: SHA-256 of the policy's file (None: it has none) and of the parts' files; settings."""
+    """Return what a measurement is of: HASHES of files (None: there is none), and the settings."""
     files = [name for each in entries for name in (each.room, each.motion, each.frames) if name]
     digest = hashlib.sha256(json.dumps(as_json(entries)).encode())
     for name in dict.fromkeys(files):
         digest.update((config.stage.parent / name).read_bytes())
-    policy = None
-    if config.policy not in (PLANNER, RANDOM):
-        policy = hashlib.sha256(file_of(Path(config.policy)).read_bytes()).hexdigest()
+    policy = None if config.policy in (PLANNER, RANDOM) else policy_file.file_of(Path(config.policy))
+    sees = network.file_of(config.perception) if config.perception else None
     settings = {name: value for name, value in asdict(config).items() if name not in FREE}
     return {
-        "policy_sha256": policy,
+        "policy_sha256": policy and hashlib.sha256(policy.read_bytes()).hexdigest(),
+        "perception_sha256": sees and hashlib.sha256(sees.read_bytes()).hexdigest(),
         "parts_sha256": digest.hexdigest(),
         "settings": json.loads(json.dumps(as_json(settings), default=str)),
     }
@@ -167,13 +183,15 @@ def _claim(path: Path, made: dict[str, Any], entries: Sequence[pool.PoolPart], r
     """
     try:
         claim = json.loads(path.read_text())
-        claimed = {name: claim[name] for name in ("policy_sha256", "parts_sha256", "settings")}
+        claimed = {name: claim[name] for name in (*HASHES, "settings")}
         claim["parts"][0]["episodes"], claim["over_parts"]["all"]
     except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
         raise InputError(f"verify {str(path)!r}: no results of s2a bench of this version ({error!r})") from error
-    for name, what in (("policy_sha256", "policy"), ("parts_sha256", "stage")):
+    for name, what in HASHES.items():
         if claimed[name] != made[name]:
-            raise InputError(f"verify {str(path)!r} is of another {what} (key {what!r}: its files differ)")
+            raise InputError(
+                f"verify {str(path)!r} is of another {what}: the files of key {what!r} differ; give those it was measured with"
+            )
     for key, value in made["settings"].items():
         other = claimed["settings"].get(key)
         if other != value:
@@ -181,7 +199,10 @@ def _claim(path: Path, made: dict[str, Any], entries: Sequence[pool.PoolPart], r
                 other if not isinstance(value, dict) else {k: other.get(k) for k in value if other.get(k) != value[k]}
             )
             raise InputError(f"verify {str(path)!r} was measured with another key {key!r}: {short}; give the same")
-    why = unsound(claim, entries, list(rates))
+    try:
+        why = unsound(claim, entries, made["settings"]["episodes"], list(rates))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"verify {str(path)!r}: no results of s2a bench of this version ({error!r})") from error
     if why:
         raise CheckFailed("\n    ".join([f"{path}: refused before a part was measured", *why]))
     return dict(claim)

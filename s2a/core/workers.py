@@ -24,6 +24,9 @@ import numpy as np
 
 from s2a.core import cache
 
+# Threads of a process; and those that we gave a helper, which divides them among its own helpers
+THREADS, DIVIDED = "OMP_NUM_THREADS", "S2A_DIVIDED_THREADS"
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Shared = TypeVar("Shared")
@@ -124,20 +127,23 @@ def _new_helpers(at_once: int) -> Iterator[None]:
     """Have helpers that start take what is meant for them.
 
     The main module is hidden: each would run it, which a script without a guard does not expect. Threads of NumPy, Torch and
-    CoACD, which they count as they are imported, are those of `at_once` processes on this machine, unless the user says else.
+    CoACD, which they count as they are imported, are those of `at_once` processes on this machine, or of this process where
+    it is a helper itself, unless the user says else.
     """
-    main, threads = sys.modules["__main__"], os.environ.get(THREADS)
+    main, before = sys.modules["__main__"], {name: os.environ.get(name) for name in (THREADS, DIVIDED)}
     sys.modules["__main__"] = ModuleType("__main__")
-    os.environ[THREADS] = threads or str(max(1, count() // at_once))
+    threads = before[THREADS]
+    if threads is None or threads == before[DIVIDED]:
+        os.environ[THREADS] = os.environ[DIVIDED] = str(max(1, int(threads or count()) // at_once))
     try:
         yield
     finally:
         sys.modules["__main__"] = main
-        if threads is None:
-            del os.environ[THREADS]
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            os.environ.update({name: value} if value is not None else {})
 
 
-THREADS = "OMP_NUM_THREADS"
 _given: list = []  # In a helper: what all its work needs
 
 

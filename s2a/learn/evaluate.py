@@ -162,20 +162,25 @@ def by_part(
 CERTAIN = 0.002  # Chance at most of a doubt about an honest result, of each test
 
 
-def unsound(claim: Mapping[str, Any], entries: Sequence[PoolPart], rates: Sequence[str]) -> list[str]:
+def unsound(claim: Mapping[str, Any], entries: Sequence[PoolPart], episodes: int, rates: Sequence[str]) -> list[str]:
     """Return why a benchmark's results contradict themselves: rows that are not of all parts, or means that are not the rows'.
 
-    `claim`: what `by_part` returned to who claims; `entries`: the parts, in order; `rates`: columns that a row has.
+    Args:
+        claim: what `by_part` returned to who claims.
+        entries: the parts, in order.
+        episodes: of each part.
+        rates: columns that a row has.
     """
     rows: Sequence[Mapping[str, Any]] = claim["parts"]
     if [(row.get("room"), row.get("part")) for row in rows] != [(each.room, each.part) for each in entries]:
         return [f"its {len(rows)} rows are not those of the {len(entries)} parts"]
-    count = np.array([float(row.get("episodes", np.nan)) for row in rows])
+    if any(row.get("episodes") != episodes for row in rows):
+        return [f"a row is not of {episodes} episodes"]
     values = {name: np.array([float(row.get(name, np.nan)) for row in rows]) for name in rates}
     out = [
         f"{name}: a row is no rate of its episodes"
         for name, each in values.items()
-        if not ((np.abs(each * count - (each * count).round()) < 1e-6) & (each >= 0.0) & (each <= 1.0)).all()
+        if not ((np.abs(each * episodes - (each * episodes).round()) < 1e-6) & (each >= 0.0) & (each <= 1.0)).all()
     ]
     tables, stated = by_part(values, entries, np.arange(len(entries)), 0)["over_parts"], claim["over_parts"]
     for by, table in tables.items():

@@ -30,8 +30,6 @@ COARSE = 5  # Of so many poses on a path one is looked at first, where it does n
 STUCK = 1.0  # Depth [m] that stands for a place where the base cannot stand
 # [s] In which every joint, at full speed, has to turn from home to the path: an episode has to have time for the rest
 MAX_REACH_TIME = 2.0
-# [m] Distances and sides of places that are tried last, in all combinations with the others: in a corner, or beside a table
-FURTHER_DISTANCES, FURTHER_SIDES = (0.35, 0.4), (-0.1, 0.1, -0.3, 0.3, -0.5, 0.5, -0.6, 0.6)
 TRIED = 8  # Number of joint paths that are checked: those that begin nearest to home
 ASSUMED_FLOOR = "the scan has a hole there, amid floor at this height; make sure that no step and no stairs are there"
 
@@ -50,6 +48,10 @@ class BaseConfig:
 
     sides: Numbers = (0.0, -0.2, 0.2, -0.4, 0.4)  # how far to the side of the handle it may stand [m]
     turns: Numbers = (0.0, -0.5, 0.5)  # how far it may look past the handle [rad]
+    # what is tried last, in all combinations with the others, in a corner or beside a table: sides [m], and distances as
+    # fractions of the robot's least; 0.0 and 1.0 add none
+    further_sides: Numbers = (-0.1, 0.1, -0.3, 0.3, -0.5, 0.5, -0.6, 0.6)
+    further_distances: Numbers = (7 / 9, 8 / 9)
     pedestals: Numbers = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # heights of what it may stand on [m]
     approach: Positive = STRAIGHT_APPROACH  # distance before the handle from which the gripper moves straight to it [m]
     opening: Positive
@@ -308,7 +310,8 @@ class Ground:
         every = list(itertools.product(distances, config.sides, config.pedestals))
         if further:
             near = set(every)
-            wide = (*distances, *FURTHER_DISTANCES), (*config.sides, *FURTHER_SIDES), config.pedestals
+            nearer = tuple(round(min(distances) * each, 6) for each in config.further_distances)
+            wide = (*distances, *nearer), (*config.sides, *config.further_sides), config.pedestals
             every = [place for place in itertools.product(*wide) if place not in near]
         order = sorted(every, key=lambda p: abs(p[0] - distances[0]) + abs(p[1]) + 0.5 * p[2])
         left = np.array([-self._ahead[1], self._ahead[0]])

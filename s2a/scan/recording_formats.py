@@ -2,7 +2,7 @@
 
 import io
 import zipfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, replace
 from functools import partial
 from pathlib import Path
@@ -81,10 +81,8 @@ def read(path: Path, color: Sequence[float] | None = None) -> RgbdRecording:
         )
     if color is not None:
         recording = _with_color(recording, Intrinsics(*color[:4]), color[4:])
-    first = recording.frames[0]
-    _fit({frame.depth_camera for frame in recording.frames}, first.depth, "depth")
-    if first.color:
-        _fit({frame.color_camera for frame in recording.frames if frame.color}, first.color, "colour")
+    _fit({frame.depth_camera: frame.depth for frame in reversed(recording.frames)}, "depth")
+    _fit({frame.color_camera: frame.color for frame in reversed(recording.frames) if frame.color}, "colour")
     return recording
 
 
@@ -441,16 +439,27 @@ def _with_color(recording: RgbdRecording, camera: Intrinsics, offset: Sequence[f
     return replace(recording, frames=frames, color_from_depth=move)
 
 
-def _fit(cameras: Iterable[Intrinsics], picture: FrameImage, what: str) -> None:
-    """Raise an InputError if a camera cannot be that of images of one size: its axis is far from the middle."""
-    height, width = picture.load().shape[:2]
-    for camera in cameras:
-        focal, centre = np.array([camera.fx, camera.fy]) / width, np.array([camera.cx / width, camera.cy / height])
-        if not ((0.2 < focal) & (focal < 5) & (0.25 < centre) & (centre < 0.75)).all():
+def _fit(images: Mapping[Intrinsics, FrameImage], what: str) -> None:
+    """Raise an InputError if a camera cannot be that of its image: its axis is far from the middle.
+
+    Of images of one size, which most recordings have, only one is opened.
+    """
+    shape: tuple[int, ...] = ()
+    for camera, picture in images.items():
+        if not shape or not _is_of(camera, shape):
+            shape = picture.load().shape
+        if not _is_of(camera, shape):
             raise InputError(
-                f"{picture.name}: {width} x {height} pixels do not go with a {what} camera (fx {camera.fx:.0f}, "
+                f"{picture.name}: {shape[1]} x {shape[0]} pixels do not go with a {what} camera (fx {camera.fx:.0f}, "
                 f"fy {camera.fy:.0f}, centre {camera.cx:.0f}, {camera.cy:.0f}); give the intrinsics of images of this size"
             )
+
+
+def _is_of(camera: Intrinsics, shape: tuple[int, ...]) -> bool:
+    """Return whether a camera can be that of an image of a shape [height, width, ...]."""
+    size = np.array([shape[1], shape[0]])
+    focal, centre = np.array([camera.fx, camera.fy]) / shape[1], np.array([camera.cx, camera.cy]) / size
+    return bool(((0.2 < focal) & (focal < 5) & (0.25 < centre) & (centre < 0.75)).all())
 
 
 def _picture(source: Path | FrameImage | None) -> FrameImage | None:

@@ -142,12 +142,17 @@ def test_a_claim_is_verified_by_parts_that_nobody_foresees(
     verify = ["bench", *keys, f"verify={claim}", f"out={out}"]
     assert cli.main(verify) == 0
     row = json.loads(out.read_text())
-    assert row["doubts"] == [] and len(row["parts"]) == 1 and "confirmed by 1 drawn part" in capsys.readouterr().out
+    assert row["doubts"] == [] and len(row["parts"]) == 3 and "confirmed by 3 drawn parts" in capsys.readouterr().out
     assert cli.main([*verify, "steps=4"]) == 2
     assert "another key 'steps': 3" in capsys.readouterr().err
     honest = json.loads(claim.read_text())
     claim.write_text(json.dumps(honest | {"parts": honest["parts"][:2]}))
     assert cli.main(verify) == 1 and "rows are not those of the 3 parts" in capsys.readouterr().out
+    none = [row | {"episodes": 0, "success": 1.0} for row in honest["parts"]]
+    claim.write_text(json.dumps(honest | {"parts": none}))
+    assert cli.main(verify) == 1 and "a row is not of 2 episodes" in capsys.readouterr().out
+    claim.write_text(json.dumps(honest | {"over_parts": {"all": {}}}))
+    assert cli.main(verify) == 2 and "no results of s2a bench" in capsys.readouterr().err
     honest["over_parts"]["all"]["success"]["rate"] = 0.5
     claim.write_text(json.dumps(honest))
     assert cli.main(verify) == 1 and "means over all are not those of the rows" in capsys.readouterr().out

@@ -289,6 +289,21 @@ def replace(name: str, text: str) -> Callable[[Path], object]:
     return lambda folder: (folder / name).write_text(text)
 
 
+def test_colour_images_of_two_sizes_go_with_their_own_cameras(tmp_path: Path) -> None:
+    folder = recordings.nerfstudio(tmp_path / "walk", 4)
+    data = json.loads((folder / "transforms.json").read_text())
+    with PIL.Image.open(folder / "image_2.png") as picture:
+        picture.resize((4 * recordings.WIDTH, 4 * recordings.HEIGHT)).save(folder / "image_2.png")
+    keys = ("fl_x", "fl_y", "cx", "cy", "w", "h")
+    data["frames"][2] |= {key: 4 * data[key] for key in keys}
+    (folder / "transforms.json").write_text(json.dumps(data))
+    assert len(recording_formats.read(folder).frames) == 4
+    del data["frames"][2]["cx"]
+    (folder / "transforms.json").write_text(json.dumps(data))
+    with pytest.raises(InputError, match="depth_2.png: .*do not go with a depth camera"):
+        recording_formats.read(folder)
+
+
 LENS = "lowres_wide_intrinsics/41048190_3414.300.pincam"  # Of the third frame
 
 

@@ -231,15 +231,21 @@ def save(network: PartNetwork, path: Path) -> None:
         torch.save({"width": network.width, "weights": state}, out)
 
 
+def file_of(path: Path) -> Path:
+    """Return the file that a path or "pretrained" means; InputError where there is none."""
+    file = Path(__file__).parents[1] / "policies/perception.pt" if str(path) == PRETRAINED else path
+    if not file.is_file():
+        raise InputError(f"perception {str(path)!r}: no such file; give what s2a perceive wrote, or {PRETRAINED}")
+    return file
+
+
 def load(path: Path, device: str) -> Perception:
     """Read a network that `save` wrote, or the one that comes with s2a; nothing in the file is executed.
 
     Raises:
         InputError: there is no such file, or it holds no network.
     """
-    file = Path(__file__).parents[1] / "policies/perception.pt" if str(path) == PRETRAINED else path
-    if not file.is_file():
-        raise InputError(f"perception {str(path)!r}: no such file; give what s2a perceive wrote, or {PRETRAINED}")
+    file = file_of(path)
     try:
         saved = torch.load(file, weights_only=True, map_location="cpu")
         network = PartNetwork(int(saved["width"]))

@@ -129,7 +129,7 @@ def nearest_meshes(forest: Forest, points: np.ndarray, reach: float) -> tuple[np
     index, gap = np.full(len(places), -1, np.int32), np.full(len(places), np.inf, np.float32)
     if not len(places):
         return index, gap
-    low, high = places.min(axis=0) - 1.01 * reach, places.max(axis=0) + 1.01 * reach
+    low, high = np.nanmin(places, axis=0) - 1.01 * reach, np.nanmax(places, axis=0) + 1.01 * reach
     near = np.flatnonzero(((forest.bounds[0] <= high) & (forest.bounds[1] >= low)).all(axis=1))
     ids = wp.array(forest.ids.numpy()[near], dtype=wp.uint64, device="cpu")
     inputs = [ids, wp.array(places, dtype=wp.vec3, device="cpu", copy=False), reach]

@@ -33,6 +33,15 @@ def test_what_did_not_stay_is_not_put_down_the_same_way_again() -> None:
     assert _up(clock | {"unstable": True, "tried_up": first}, known("alarm clock")) != first
 
 
+def test_a_lamp_has_its_shade_up_unless_the_file_states_the_end() -> None:
+    ends = [0.75, 0.6, 0.45, 0.3, 0.25]  # a lava lamp, or a desk lamp upside down
+    lamp = facts([15.0, 15.0, 40.0], {"z": ends})
+    assert _up(lamp, known("desk lamp")) == "-z"
+    assert _up(lamp | {"up": "+x"}, known("desk lamp")) == "-z"
+    for label in ("lava lamp", "night light", "desk lamp"):
+        assert _up(lamp | {"up": "+z"}, known(label)) == "+z"
+
+
 @pytest.mark.parametrize("colourful", ["+x", "-x"])
 def test_a_painting_faces_the_room_with_its_colours(colourful: str) -> None:
     varied = dict.fromkeys(AXES, 20.0) | {colourful: 60.0}

@@ -146,6 +146,10 @@ def test_a_room_without_labels_offers_a_table_by_its_height() -> None:
     low = Scene("room", {"floor_1": Part("floor", sheet((-2, 3), (-2, 2.6), 0.0, 0.05)),
                          "table_2": Part("table", sheet((0, 1.2), (0, 0.6), 0.45))})  # fmt: skip
     assert "table_2.coffee table" in RoomState(low, "", SURFACE).named.parts
+    # One with a lower shelf is not.
+    shelved = merge([sheet((0, 1.2), (0, 0.6), 0.45), sheet((0, 1.2), (0, 0.6), 0.74)])
+    high = Scene("room", {**low.parts, "table_2": Part("table", shelved)})
+    assert "table_2.coffee table" not in RoomState(high, "", SURFACE).named.parts
     # Where the room names a table, that is meant.
     named = Scene("room", {"table_2": Part("table", sheet((0, 1.2), (-1.6, -1.0), 0.70)), **scene.parts})
     lines = describe.describe(named, describe.survey(named, RegionConfig()))

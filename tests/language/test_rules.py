@@ -202,6 +202,13 @@ def test_any_words_give_a_plan_or_a_refusal() -> None:
         ((("blue",),), "put the red cup on the table", "unknown"),
         ((("pink",),), "put the red cup on the green table", "cup_16"),
         (((),), "put the big cup on the white table", "cup_16"),
+        ((("pink",), ()), "put the red cup on the table", "ambiguous"),
+        ((("blue",), ("red",)), "put the red cup_16 on the table", "unknown"),
+        ((("white", "pink"),), "put the red cup on the table", "unknown"),
+        # Of three cups the larger the later: the big red one is the largest red one
+        ((("red",), ("red",), ("pink", "brown")), "put the big red cup on the table", "cup_17"),
+        ((("red",), ("red",), ("blue",)), "put the red small cup on the table", "cup_16"),
+        ((("red",), ("red",), ("blue",)), "put the red cup on the table", "ambiguous"),
     ],
 )
 def test_a_colour_chooses_among_what_is_known_and_a_wrong_one_is_refused(
@@ -209,10 +216,24 @@ def test_a_colour_chooses_among_what_is_known_and_a_wrong_one_is_refused(
 ) -> None:
     facts = {i: part for i, part in FACTS.items() if part.label != "cup"}
     for k, names in enumerate(colors):
-        cup = replace(FACTS["cup_16"], id=f"cup_{16 + k}", colors=names)
+        size = (0.08, 0.08, 0.1 * 1.5**k)
+        cup = replace(FACTS["cup_16"], id=f"cup_{16 + k}", colors=names, size=size)
         facts[cup.id] = cup
     made = planned(sentence, facts)
     assert plan == (made.refusal or made.skills[0].object)
+
+
+def test_a_word_for_a_colour_may_belong_to_a_name_and_a_position_chooses_before_unknown_colours() -> None:
+    glass = replace(FACTS["cup_16"], id="Glass_20", label="glass of red wine")
+    juice = replace(FACTS["cup_16"], id="juice_21", label="orange juice")
+    facts = FACTS | {"cup_16": replace(FACTS["cup_16"], colors=("red",)), "Glass_20": glass, "juice_21": juice}
+    for name, part in (("red cup", "cup_16"), ("orange juice", "juice_21"), ("glass of red wine", "Glass_20")):
+        assert [skill.object for skill in planned(f"put the {name} on the table", facts).skills] == [part]
+    both = planned("put the orange juice on the table and Glass_20 on the table", facts)
+    assert [skill.object for skill in both.skills] == ["juice_21", "Glass_20"]
+    assert words("open the top white drawer of the desk") == words("open the top drawer of the desk")
+    several = planned("open the white drawer of the desk")
+    assert (several.refusal, "leave the colour out" in several.reason) == ("ambiguous", True)
 
 
 def test_a_verb_goes_on_with_ids_and_with_places() -> None:

@@ -60,6 +60,11 @@ def test_a_seat_with_waves_carries_between_its_arms_and_not_on_its_back() -> Non
     assert region.area > 0.9
     assert 0.45 < region.height < 0.475
     assert all(one.height < 0.6 for one in rest)
+    # A patch of the floor below a bed is not its mattress, whatever is below the floor.
+    patch = Part("bed", merge([seat, sheet((-0.9, 0.9), (-0.5, 0.5), 0.0)]))
+    pit = Scene("room", scene.parts | {"bed": patch, "box": Part("box", sheet((3, 3.2), (0, 0.2), -1.0))})
+    beds = target_regions(pit, "bed", REGIONS, ("horizontal",))
+    assert max(one.height for one in beds) > 0.4
     level = target_regions(scene, "counter", REGIONS, ("horizontal",))
     assert max((one.area for one in level if one.height < 0.6), default=0.0) < 0.6
     assert any(one.height > 0.8 for one in level)

@@ -29,7 +29,7 @@ COLOR_WORDS = {name: name for name in COLORS} | {
 }
 ALIKE = (
     {"brown", "orange", "beige"}, {"grey", "black"}, {"grey", "white", "beige"}, {"red", "pink"}, {"red", "orange"},
-    {"pink", "purple"}, {"orange", "yellow"}, {"yellow", "beige"}, {"blue", "purple"}, {"red", "brown"},
+    {"pink", "purple"}, {"orange", "yellow"}, {"yellow", "beige"}, {"blue", "purple"},
 )  # fmt: skip
 BIG, SMALL = (
     frozenset("big bigger biggest large larger largest".split()),
@@ -177,9 +177,11 @@ def phrase(words: str, labels: Iterable[str]) -> Phrase:
     if context.split() and set(re.findall(r"[\w-]+", context)) <= ARTICLES | POSITIONS | {"side"}:  # "on the left"
         tokens, context = [*(t for t in context.split() if t in POSITIONS), *tokens], ""
     positions = tuple(token for token in tokens if token in POSITIONS)
-    in_names = {word for label in labels for word in label.split()}
-    adjectives = tuple(token for token in tokens[:-1] if token in ADJECTIVES and token not in in_names)
-    noun = " ".join(token for token in tokens if token not in POSITIONS and token not in adjectives)
+    tokens = [token for token in tokens if token not in POSITIONS]
+    in_names = {pair for label in labels for pair in itertools.pairwise(label.split())}  # "orange juice"
+    own = [token in ADJECTIVES and (token, after) not in in_names for token, after in itertools.pairwise(tokens)]
+    adjectives = tuple(itertools.compress(tokens, own))
+    noun = " ".join(itertools.compress(tokens, [*(not each for each in own), True]))
     return Phrase(noun.replace(GLUE, " "), positions, relation, context.replace(GLUE, " "), adjectives)
 
 
@@ -198,7 +200,9 @@ def resolve(words: str, facts: Facts, fits: Callable[[RoomPart], bool], what: st
     """
     exact = [i for i in facts if i.lower() in words.split()]
     if len(exact) == 1 and fits(facts[exact[0]]):
-        return exact[0]
+        before = words.split()[: words.split().index(exact[0].lower())]
+        own = itertools.takewhile(ADJECTIVES.__contains__, reversed(before))  # "the red cup_17"
+        return described(exact, own, exact[0], facts)[0]
     wanted = phrase(words, _labels(facts))
     named = _named(wanted, facts)
     if not named:
@@ -243,33 +247,50 @@ def _named(wanted: Phrase, facts: Facts) -> list[str]:
             words = "belongs to" if relation == "of" else f"is {relation}{' of' if relation in SIDES else ''}"
             raise Unresolved("unknown", f"no {wanted.noun!r} {words} {inner.noun!r}", parts)
         parts = within
-    for adjective in wanted.adjectives if parts else ():
-        parts = described(parts, adjective, wanted.noun, facts)
-    return parts
+    try:
+        return described(parts, wanted.adjectives, wanted.noun, facts)
+    except Unresolved as why:
+        if why.kind != "ambiguous" or not wanted.positions:
+            raise
+    for position in wanted.positions:  # of the top one the colours of the others do not matter
+        parts = positioned(parts, position, facts)
+    return described(parts, wanted.adjectives, wanted.noun, facts)
 
 
-def described(parts: list[str], adjective: str, noun: str, facts: Facts) -> list[str]:
-    """Return those of some parts that an adjective fits; a part of which the colour is not known fits where it is the only one.
+def described(parts: list[str], adjectives: Iterable[str], noun: str, facts: Facts) -> list[str]:
+    """Return those of some parts that adjectives fit: the big red one is the largest of the red ones.
 
     Raises:
         Unresolved: all are of other colours, or which one is meant is not known.
     """
-    if adjective in BIG | SMALL:
-        if len(parts) < 2:
-            return parts
-        volumes = {i: float(np.prod(facts[i].size or (0.0, 0.0, 0.0))) for i in parts}
-        order = sorted(parts, key=lambda i: volumes[i], reverse=adjective in BIG)
-        small, large = sorted((volumes[order[0]], volumes[order[1]]))
-        return order[:1] if large > LARGER * small else parts
+    for adjective in sorted(adjectives, key=lambda word: word in BIG | SMALL) if parts else ():
+        fitting = _sized if adjective in BIG | SMALL else _colored
+        parts = fitting(parts, adjective, noun, facts)
+    return parts
+
+
+def _sized(parts: list[str], adjective: str, _: str, facts: Facts) -> list[str]:
+    """Return the largest or smallest of some parts where it is clearly that, else all."""
+    volumes = {i: float(np.prod(size)) for i in parts if (size := facts[i].size)}
+    order = sorted(volumes, key=volumes.__getitem__, reverse=adjective in BIG)
+    if len(order) < 2:
+        return parts
+    small, large = sorted(volumes[i] for i in order[:2])
+    return order[:1] if large > LARGER * small else parts
+
+
+def _colored(parts: list[str], adjective: str, noun: str, facts: Facts) -> list[str]:
+    """Return those of some parts that have a colour, else whose most frequent one is like it; a lone unknown one fits."""
     color = COLOR_WORDS[adjective]
-    exact = [i for i in parts if color in facts[i].colors]
-    alike = {color}.union(*(group for group in ALIKE if color in group))
-    near = exact or [i for i in parts if alike & {*facts[i].colors}]
     unknown = [i for i in parts if not facts[i].colors]
-    if near or len(unknown) == 1 == len(parts):
-        return near or unknown
-    if unknown:
-        raise Unresolved("ambiguous", f"the colours of {len(unknown)} parts called {noun!r} are not known", unknown)
+    alike = {color}.union(*(group for group in ALIKE if color in group))
+    if exact := [i for i in parts if color in facts[i].colors]:
+        return exact
+    if unknown and len(parts) > 1:
+        reason = f"of {len(unknown)} called {noun!r} the colour is not known; leave the colour out or give an id"
+        raise Unresolved("ambiguous", reason, unknown)
+    if near := unknown or [i for i in parts if facts[i].colors[0] in alike]:
+        return near
     colors = ", ".join(f"{i} is {' and '.join(facts[i].colors)}" for i in parts[:3])
     raise Unresolved("unknown", f"no {noun!r} is {adjective}: {colors}", parts)
 
@@ -306,8 +327,8 @@ def _beside(parts: list[str], around: list[str], relation: str, facts: Facts) ->
 
 def _called(noun: str, facts: Facts) -> list[str]:
     """Return the part of an id, or those whose label ends in a noun ("cabinet": a "wall cabinet"), else begins with it."""
-    if noun in facts:
-        return [noun]
+    if same := [i for i in facts if i.lower() == noun]:
+        return same
     nouns, labels = names_of(noun), {i: thing.label.lower() for i, thing in facts.items()}
     parts = [i for i, label in labels.items() if is_named(label, nouns)]
     parts = parts or [i for i, label in labels.items() if label in coarse_names(noun)]
@@ -374,7 +395,7 @@ def _skills(sentence: str, facts: Facts, skills: Mapping[str, type[Task]]) -> li
     for clause in (TRAILING.sub("", " ".join(each.split())) for each in clauses):
         if clause and clause != "please":
             # "open the window and the door", "put the cup on the desk and the glue stick on the table"
-            if plan and memory.verb and clause.split()[0] in ("the", "a", "an", *facts):
+            if plan and memory.verb and clause.split()[0] in ("the", "a", "an", *map(str.lower, facts)):
                 clause = f"{memory.verb} {clause}"
             plan += _clause(clause, facts, memory)
     if memory.held:

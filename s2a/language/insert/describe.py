@@ -13,8 +13,14 @@ from scipy import ndimage
 from s2a.language.grammar import is_kind_of
 from s2a.language.insert.fit import NoRoom, swept_volumes
 from s2a.language.insert.plan import Plan
-from s2a.language.insert.search import floor_height
-from s2a.language.insert.supports import SurfaceConfig, is_basin, is_floor, target_mesh, target_regions
+from s2a.language.insert.supports import (
+    SurfaceConfig,
+    floor_height,
+    is_basin,
+    is_floor,
+    target_mesh,
+    target_regions,
+)
 from s2a.scan.rest import UNANNOTATED
 from s2a.scene.geometry.mesh_ops import keep, normals
 from s2a.scene.geometry.regions import Region, RegionConfig
@@ -324,9 +330,10 @@ def _nameless(scene: Scene, supports: Supports) -> dict[str, Part]:
     for kind, like in FURNITURE.items():
         if any(is_kind_of(label, kind) for label in labels):
             continue
-        named = [i for i in supports if scene.parts[i].label == "table" and kind == "coffee table"]
-        for some in (named, [i for i in supports if scene.parts[i].label in NAMELESS]):
-            tops = {i: [one for one in supports[i] if likeness(one, floor) == like] for i in some}
+        tables = [i for i in supports if scene.parts[i].label == "table" and kind == "coffee table"]
+        low = [i for i in tables if (top := _top(supports[i])) is not None and likeness(top, floor) == like]
+        for some in (low, [i for i in supports if scene.parts[i].label in NAMELESS]):
+            tops = {i: [one for one in _level(supports[i]) if likeness(one, floor) == like] for i in some}
             large = {i: own for i, own in tops.items() if sum(region.area for region in own) >= TOP}
             parts |= {
                 f"{i}.{kind}": Part(kind, keep(scene.parts[i].mesh, _of(scene.parts[i].mesh, own)))
@@ -335,6 +342,18 @@ def _nameless(scene: Scene, supports: Supports) -> dict[str, Part]:
             if large:
                 break
     return {i: part for i, part in parts.items() if len(part.mesh.faces)}
+
+
+def _level(regions: list[Region]) -> list[Region]:
+    """Return the regions with nothing close above them."""
+    return [region for region in regions if region.kind == "horizontal"]
+
+
+def _top(regions: list[Region]) -> Region | None:
+    """Return the highest level region that is no sliver; None where there is none."""
+    large = SLIVER * max((region.area for region in _level(regions)), default=0.0)
+    level = [region for region in _level(regions) if region.area >= large]
+    return max(level, key=lambda region: region.height, default=None)
 
 
 def _of(mesh: Mesh, regions: list[Region]) -> np.ndarray:

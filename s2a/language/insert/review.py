@@ -9,10 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from s2a.language.ask import Model, Record, Request, UsageLog, ask, parse
 from s2a.language.insert import prompts
-from s2a.language.insert.search import floor_height
 from s2a.language.insert.serves import visible_fraction
 from s2a.language.insert.settings import Inserted, InsertSettings
-from s2a.language.insert.supports import bounds_of
+from s2a.language.insert.supports import bounds_of, floor_height
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera
 from s2a.scene.geometry.mesh_ops import merge, sample
 from s2a.scene.geometry.render import render

@@ -159,6 +159,8 @@ MIRRORED, MOST = 2.0, 0.2
 """Weight of what differs along an axis between its ends, and the most that counts: few objects are the same above and below."""
 ROUND, ALIKE, FULL = 0.5, 0.05, 0.95
 """Weight of two sides that are alike, to that fraction, and how much of its box what is round fills less than: cups and tins."""
+STATED = 0.2
+"""Weight of the up axis that the file states."""
 ANYWHERE = tuple("on table|on desk|on counter|on shelf|inside shelf|on cabinet|on nightstand|on dresser".split("|"))
 """Places for unknown objects, and for hand-held ones none of whose places exist in the room; never the floor."""
 COLOURED = 8.0
@@ -344,11 +346,13 @@ def _merit(facts: Any, entry: ObjectKind | None, axis: str) -> float:
     slices = facts.get("slices", {}).get(axis[1], ())
     if slices and entry is not None and entry.noun.endswith("lamp"):
         mouth = MOUTH * (sum(slices[3:]) - sum(slices[:2])) * (1.0 if axis[0] == "+" else -1.0)
+        if facts["up"] and facts["up"][1] == axis[1]:  # lava lamps have a wide base: the file tells the ends apart
+            mouth = min(max(mouth, -STATED / 3), STATED / 3)
     ends = MIRRORED * min(MOST, sum(abs(one - other) for one, other in zip(slices, slices[::-1], strict=True)) / 5)
     one, other = (side for name, side in zip("xyz", facts["sides"], strict=True) if name != axis[1])
     carton = entry is not None and entry.noun == "box" and max(slices, default=0.0) >= FULL
     turned = ROUND if abs(one - other) <= ALIKE * max(one, other) and not carton else 0.0
-    habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.2 if axis == facts["up"] else 0.0)
+    habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (STATED if axis == facts["up"] else 0.0)
     return (firm + mouth + ends + turned) * _fit(facts, entry, axis) + habit
 
 

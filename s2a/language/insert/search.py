@@ -15,7 +15,7 @@ from scipy import fft, ndimage
 
 from s2a.core.bounds import Count, Fraction, NotNegative, Numbers, Positive
 from s2a.language.insert.fit import SweptVolume, fill
-from s2a.language.insert.supports import BASIN, is_floor, nearby, over, target_mesh
+from s2a.language.insert.supports import BASIN, floor_height, nearby, over, target_mesh
 from s2a.scene.geometry.mesh_ops import sample
 from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.geometry.occupancy import Grid, distinct_cells, mask_of, occupied_layers
@@ -82,15 +82,6 @@ def preferences(
         aim = _aim(scene, region, target, points, height, config)
         return Preferences(False, points, (False,) * 4, aim, _marked(target_mesh(scene, target), region))
     return Preferences(against, points, _backed(scene, region, config.backed_reach), (0.0, 0.0))
-
-
-def floor_height(scene: Scene) -> float:
-    """Return the height of the floor [m]: of the part of that name, else of the lowest point."""
-    parts = [part for part in scene.parts.values() if len(part.mesh.vertices)]
-    floors = [part.mesh for i, part in scene.parts.items() if is_floor(scene, i) and len(part.mesh.vertices)]
-    if floors:
-        return float(np.median(np.concatenate([mesh.vertices[:, 2] for mesh in floors])))
-    return min((float(part.mesh.bounds[0, 2]) for part in parts), default=0.0)
 
 
 def hung_on(scene: Scene, region: Region, target: str) -> list[str]:

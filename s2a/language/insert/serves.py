@@ -7,8 +7,8 @@ from enum import IntEnum
 import numpy as np
 
 from s2a.language.grammar import is_kind_of
-from s2a.language.insert.search import Keep, floor_height
-from s2a.language.insert.supports import bounds_of, facing, is_floor, nearby, over, target_mesh
+from s2a.language.insert.search import Keep
+from s2a.language.insert.supports import bounds_of, facing, floor_height, is_floor, nearby, over, target_mesh
 from s2a.scene.geometry.mesh_ops import normals, sample
 from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.geometry.regions import Region

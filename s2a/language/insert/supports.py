@@ -81,6 +81,15 @@ def is_floor(scene: Scene, target: str) -> bool:
     return scene.parts[target].label.lower() == "floor"
 
 
+def floor_height(scene: Scene) -> float:
+    """Return the height of the floor [m]: of the part of that name, else of the lowest point."""
+    parts = [part for part in scene.parts.values() if len(part.mesh.vertices)]
+    floors = [part.mesh for i, part in scene.parts.items() if is_floor(scene, i) and len(part.mesh.vertices)]
+    if floors:
+        return float(np.median(np.concatenate([mesh.vertices[:, 2] for mesh in floors])))
+    return min((float(part.mesh.bounds[0, 2]) for part in parts), default=0.0)
+
+
 def is_basin(region: Region) -> bool:
     """Return True for a level region that is surrounded by a rim: a sink, a tub, a tray."""
     return region.kind == "horizontal" and region.rim_fraction > BASIN and min(region.size) < WIDEST_BASIN
@@ -113,8 +122,8 @@ def target_regions(scene: Scene, target: str, config: RegionConfig, kinds: tuple
     soft = [region for region in _soft_regions(mesh, config, others) if region.free_area >= WIDER * level]
     # Between its arms and back it is no basin, and what is on it is on its seat.
     regions = [replace(region, rim_fraction=0.0) for region in [*soft, *regions]]
-    low = bounds_of(scene)[0, 2]
-    above = [region for region in regions if region.kind == "horizontal" and region.height > low + LOWEST]
+    lowest = floor_height(scene) + LOWEST  # not of the scene: rooms have pits and wells of stairs
+    above = [region for region in regions if region.kind == "horizontal" and region.height > lowest]
     large = PART * max((region.free_area for region in above), default=0.0)
     seat = min((region.height for region in above if region.free_area >= large), default=np.inf)
     return [region for region in regions if region.kind != "horizontal" or region.height <= seat + BACK]

@@ -13,9 +13,8 @@ from scipy.spatial import cKDTree
 from s2a.core.errors import InputError
 from s2a.language.grammar import BEDDING, EDGES, Relation, Wish, alike, is_kind_of, landmarks, parse_wish
 from s2a.language.insert.plan import Plan
-from s2a.language.insert.search import floor_height
 from s2a.language.insert.serves import SEATS, front, visible, visible_from
-from s2a.language.insert.supports import is_floor, nearby, target_mesh
+from s2a.language.insert.supports import floor_height, is_floor, nearby, target_mesh
 from s2a.scene.geometry.mesh_query import kept_ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.upright_box import silhouette

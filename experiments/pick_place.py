@@ -22,8 +22,10 @@ import trimesh
 from skill_jobs import Row, arguments, evaluated, one, results, run, summarized
 from skill_rooms import NAMES, ROOMS
 
+from s2a import robot as robots
 from s2a.robot.tool_path import matrix
 from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import DEFAULT_ROBOT
 
 RESULTS = Path(__file__).parent / "results/pick_place.json"
 COLUMNS = ("grasped", "carried", "released_at_rest", "placed", "undisturbed")
@@ -66,7 +68,7 @@ def _row(args: argparse.Namespace, room: str, label: str, seed: str) -> Row:
     row = {"room": room, "object": label, "seed": int(seed)}
     if not found["free"]:
         return row | {"cause": "prepare" if found["id"] else "insert", "why": found["why"]}
-    row["width"] = round(width(folder / "room.usd", found["id"]), 3)
+    row["width"] = width(folder / "room.usd", found["id"])
     begun = time.perf_counter()
     metrics = evaluated(
         [f"stage={folder}/room.usd", f"part={found['id']}", "task=pick_place", "sim=pick_place", "task.start=nearby",
@@ -77,19 +79,22 @@ def _row(args: argparse.Namespace, room: str, label: str, seed: str) -> Row:
     return row | (summarized(metrics, COLUMNS, VALUES) if "success" in metrics else metrics)
 
 
-def width(room: Path, name: str) -> float:
-    """Return the least level width [m] of an object as it stands, at any height that fingers reach: 0.08 m is what they open."""
+def width(room: Path, name: str) -> float | None:
+    """Return the least level width [m] of an object over the pads' height around its middle; None: it is flatter than HIGHER.
+
+    Fingers open 0.08 m.
+    """
     body = sim_stage.read(room, visuals=False).free[name]
     turn = matrix(np.array([*body.position, *body.orientation]))[:3, :3]
     hulls = [trimesh.Trimesh(each.mesh.vertices @ turn.T, each.mesh.faces) for each in body.colliders]
     low, high = (f(f(each.vertices[:, 2]) for each in hulls) for f in (min, max))
+    middle, half = (low + high) / 2, robots.load(DEFAULT_ROBOT).gripper.finger_box[2] / 2
+    heights = np.arange(max(middle - half, low + HIGHER), min(middle + half, high), 0.0025)
+    cuts = [trimesh.intersections.mesh_plane(each, [0, 0, 1], [0, 0, z]) for each in hulls for z in heights]
+    points = np.concatenate([np.zeros((0, 2)), *(cut.reshape(-1, 3)[:, :2] for cut in cuts)])
     angles = np.linspace(0.0, np.pi, 36, endpoint=False)
-    across, least = np.stack([np.cos(angles), np.sin(angles)]), np.inf
-    for height in np.arange(low + HIGHER, high, 0.005):
-        cuts = [trimesh.intersections.mesh_plane(each, [0, 0, 1], [0, 0, height]) for each in hulls]
-        points = np.concatenate([np.zeros((0, 2)), *(cut.reshape(-1, 3)[:, :2] for cut in cuts)])
-        least = min(least, float(np.ptp(points @ across, axis=0).min()) if len(points) else np.inf)
-    return float(least)
+    across = np.stack([np.cos(angles), np.sin(angles)])
+    return round(float(np.ptp(points @ across, axis=0).min()), 3) if len(points) else None
 
 
 if __name__ == "__main__":

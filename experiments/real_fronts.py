@@ -89,7 +89,11 @@ def annotated(capture: str, annotator: str) -> list[Front]:
     records = json.loads((ROOMS / f"{capture}.{annotator}.json").read_text())["fronts"]
     return [
         Front(
-            r["corners"], r["kind"], r.get("hinge_side", r.get("hinge")), r["handle"], knob="knob" in r.get("why", "")
+            r["corners"],
+            r["kind"],
+            r.get("hinge_side", r.get("hinge")),
+            r["handle"],
+            knob="knob" in r.get("why", "").replace("no knob", ""),
         )
         for r in records
     ]
@@ -259,16 +263,17 @@ def corrected(capture: str, folder: Path, out: Path) -> dict:
     pairs = {j: i for i, j in matches(scores, MATCH) if real[i].kind == fronts[j].kind}
     for j in reversed(range(len(fronts))):
         editor.select(j)
-        truth = real[pairs[j]] if j in pairs else None
+        truth, selected = real[pairs[j]] if j in pairs else None, False
         if truth is None:
             editor.remove()
             actions["removed"] += 2
         elif truth.hinge and truth.hinge != fronts[j].hinge:
             editor.hinge(_side(truth)[None])
             actions["hinge"] += 3
+            selected = True
         if truth is not None and _misplaced(truth, fronts[j]):
             editor.select(j)
-            actions["handle"] += 1 + _give_handle(editor, truth)
+            actions["handle"] += (not selected) + _give_handle(editor, truth)
     unseen = assumed = 0
     for i in sorted(set(range(len(real))) - set(pairs.values())):
         truth = real[i]

@@ -98,8 +98,10 @@ def cause_of(error: InputError) -> Row:
     """Return the cause of a failure before any episode, and what was said."""
     if isinstance(error.__cause__ or error, Ungraspable):  # what a command raises names its output, and has a cause
         return {"cause": "does not fit the gripper", "why": str(error)}
+    if "the search ended" in str(error):
+        return {"cause": "search ended", "why": str(error)}
     found = SEGMENT.search(str(error))
-    spot = "no free spot" if "level spot" in str(error) else "refused"
+    spot = "no free spot" if "spot that is free for" in str(error) else "refused"
     return {"cause": f"no plan: {found[1]}" if found else spot, "why": str(error)}
 
 

@@ -97,10 +97,10 @@ def _insert(runs: Path, name: str) -> None:
         listed = {e["label"]: e for e in yaml.safe_load((runs / "zoo/list.yaml").read_text())}
         entries = [{"object": f"../zoo/{listed[e]['object']}", "label": e} for e in ROOMS[kind, seed]]
         (folder / "list.yaml").write_text(yaml.safe_dump(entries))
-        s2a("insert", f"stage={folder}/geometric.usd", f"objects={folder}/list.yaml", "llm=rules",
-            f"placement.pose.search.margin={ROOM}", f"out={folder}/ins", check=False)  # fmt: skip
+        done = s2a("insert", f"stage={folder}/geometric.usd", f"objects={folder}/list.yaml", "llm=rules",
+                   f"placement.pose.search.margin={ROOM}", f"out={folder}/ins", check=False)  # fmt: skip
         if not (folder / "ins/insert.json").exists():
-            raise SystemExit(f"{name}: nothing could be inserted")
+            raise SystemExit(f"{name}: {message(done)}")
 
 
 def _prepare(runs: Path, name: str) -> None:

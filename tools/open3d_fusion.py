@@ -15,6 +15,8 @@ import numpy as np
 
 VOXEL, TRUNCATION, FAR, INVALID = 0.01, 4.0, 4.0, 65535  # [m], [voxel], [m]
 BLOCKS, MIN_FRAMES = 10_000, 3.0
+KINECT = [[585.0, 0.0, 320.0], [0.0, 585.0, 240.0], [0.0, 0.0, 1.0]]
+"""The camera of 7-Scenes [pixel], whose own folders hold no camera-intrinsics.txt."""
 
 
 def main() -> None:
@@ -29,7 +31,8 @@ def main() -> None:
     core = o3d.core
     types = (core.float32, core.float32)
     grid = o3d.t.geometry.VoxelBlockGrid(("tsdf", "weight"), types, ((1), (1)), VOXEL, 16, BLOCKS, core.Device("CPU:0"))
-    camera = core.Tensor(np.loadtxt(args.frames / "camera-intrinsics.txt"))
+    own = args.frames / "camera-intrinsics.txt"
+    camera = core.Tensor(np.loadtxt(own) if own.is_file() else np.array(KINECT))
     for path in sorted(args.frames.glob("frame-*.depth.png")):
         depth = np.array(o3d.io.read_image(str(path)))
         depth[depth == INVALID] = 0

@@ -218,6 +218,8 @@ def recorded(scan: Path, frames: int, seed: int) -> dict[str, Any]:
     clean = merge([part.mesh for part in truth.parts.values()])
     tree, places = ray_mesh(clean.vertices, clean.faces), ScanSurface(truth).viewpoints
     places = places[(places[:, 2] > 0.8) & (places[:, 2] < 2.0)]
+    if not len(places):
+        raise SystemExit(f"{scan}: no free place for a camera between 0.8 and 2.0 m; give another SCAN")
     with tempfile.TemporaryDirectory() as temporary:
         walk, out = Path(temporary) / "walk", Path(temporary) / "scan"
         walk.mkdir()
@@ -329,12 +331,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scans", type=Path, nargs="+", metavar="SCAN", help="folder written by `s2a sample`, or PLY")
     parser.add_argument("--out", type=Path, help="JSON file for the figures")
-    parser.add_argument(
+    one = parser.add_mutually_exclusive_group()
+    one.add_argument(
         "--recorded", type=int, metavar="FRAMES", help="record the true rooms instead, so many frames each"
     )
-    parser.add_argument("--beside", type=Path, metavar="MESH", help="compare the only scan with another program's mesh")
+    one.add_argument("--beside", type=Path, metavar="MESH", help="compare the only scan with another program's mesh")
     parser.add_argument("--seed", type=int, default=0, help="of recordings")
     args = parser.parse_args()
+    if args.beside and len(args.scans) > 1:
+        parser.error(f"--beside compares one SCAN, not {len(args.scans)}")
     wp.config.log_level = wp.LOG_WARNING
     if args.beside:
         row = beside(args.scans[0], args.beside)

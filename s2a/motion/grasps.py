@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from s2a.motion.gripper import AROUND, CLEARANCE, FIRM, Contact, gripper_spheres, inside_gripper, opening
-from s2a.motion.search import Misses, Unreachable
+from s2a.motion.search import NO_BASE, Misses, Unreachable
 from s2a.robot.spec import GripperSpec, RobotSpec
 from s2a.robot.tool_path import matrix
 from s2a.scene.scene import Mesh
@@ -297,12 +297,15 @@ class GraspCache:
         self._grasps: dict[tuple[object, ...], ObjectGrasps] = {}
         self._work, self._begun, self.ended = 0, time.monotonic(), ""
 
-    def is_late(self, work: int = 0) -> bool:
+    def spend(self, work: int = 0) -> bool:
         """Add some work to that for plans with this object; return whether that, or the time, is used up, `ended` says which."""
         self._work += work
         passed = time.monotonic() - self._begun
+        if self.ended:
+            return True
         if self._work > WORK:
-            self.ended = f"the search ended after {WORK / 1e6:.0f} million comparisons"
+            checks = f"{WORK / 1e6:.0f} million collision checks"
+            self.ended = f"the search ended after {checks}; give another task.start or task.place"
         elif passed > PATIENCE:
             self.ended = f"the search ended after {PATIENCE:.0f} s on a slow or busy machine; try again"
         return bool(self.ended)
@@ -352,6 +355,8 @@ def failure(target: str, nearest: float, size: float, misses: Misses, spec: Robo
         spec: the robot.
         ended: why the search ended before all was tried; empty where it did not.
     """
+    if ended and not 0.0 < nearest < math.inf and misses.nearest is NO_BASE:  # few points, or no base, were looked at
+        return Unreachable(f"{target!r}: {ended}")
     ended = ended and f" ({ended})"
     if math.isinf(nearest):
         return ungraspable(target, size, spec)

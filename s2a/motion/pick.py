@@ -9,7 +9,7 @@ import numpy as np
 
 from s2a import robot as robots
 from s2a.core.errors import InputError
-from s2a.motion.grasps import GraspCache
+from s2a.motion.grasps import GraspCache, Ungraspable
 from s2a.motion.gripper import FIRM, SLOPING, Contact
 from s2a.motion.obstacles import surface_points
 from s2a.motion.pick_plan import LIFT, PickPlan, PickTask, plan_pick
@@ -40,6 +40,8 @@ class EndsConfig(Protocol):
 
     start: str | None
     place: str | None
+    start_shift: float
+    start_turn: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,14 +73,12 @@ def read_stage(
     grasps = GraspCache(room.free[target], spec.gripper)
 
     failures: list[Unreachable] = []
-    crowded: list[
-        tuple[Contact, np.ndarray, Unreachable]
-    ] = []  # poses at which no grasp is clear, wherever the other end is
+    # Poses at which no grasp is clear, wherever the other end is
+    crowded: list[tuple[Contact, np.ndarray, Unreachable]] = []
 
     def plan_with(ends: Ends, contact: Contact) -> PickPlan:
-        if grasps.is_late():
-            reason = failures[-1] if failures else f"{target!r}: {grasps.ended}"
-            raise Unreachable(f"{reason}; give another task.start or task.place")
+        if grasps.spend():
+            raise failures[-1] if failures else Unreachable(f"{target!r}: {grasps.ended}")
         poses = [matrix(each) for each in ends]
         for held, at, error in crowded:
             if held == contact and any(np.array_equal(pose, at) for pose in poses):
@@ -92,7 +92,12 @@ def read_stage(
                 crowded.append((contact, error.crowded, error))
             raise
 
-    (start, goal), plan = firmest(room, target, spec, lambda: _ends(room, target, config), plan_with)
+    try:
+        (start, goal), plan = firmest(room, target, spec, lambda: _ends(room, target, config), plan_with)
+    except Unreachable as error:  # of the first ends, for which there may have been work and time enough
+        if not grasps.ended or isinstance(error, Ungraspable) or grasps.ended in str(error):
+            raise
+        raise Unreachable(f"{error} ({grasps.ended})") from error
     return PickStage(**of_object(path, room, target, start, goal, plan, spec, also), start=start, goal=goal, plan=plan)
 
 
@@ -158,7 +163,7 @@ def _ends(room: SimRoom, target: str, config: EndsConfig) -> Iterator[Ends]:
             yield start, goal
         return
     goal = next(place_poses(room, target, config.place, here))
-    for start in place_poses(room, target, config.start, goal):
+    for start in place_poses(room, target, config.start, goal, leaning=not (config.start_shift or config.start_turn)):
         yield start, goal
 
 

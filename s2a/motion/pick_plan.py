@@ -135,10 +135,10 @@ class PickPlanner:
         self._search = Search(spec, self._cell.kin, seed)
         self._solved, self._counted = 0, 0
 
-    def _is_late(self) -> bool:
-        """Return whether the work, or the time, for plans with the object is used up."""
+    def _spend(self) -> bool:
+        """Count the work since the last call; return whether that, or the time, for plans with the object is used up."""
         work = self._cell.obstacles.lookups + SOLVING * self._solved
-        late = self._grasps.is_late(work - self._counted)
+        late = self._grasps.spend(work - self._counted)
         self._counted = work
         return late
 
@@ -152,19 +152,20 @@ class PickPlanner:
                 tried.append((every, bool(clear)))
                 if clear and (plan := self._with(every[clear], fits)) is not None:
                     return plan
-                if len(clear) >= ENOUGH or self._is_late():
+                if len(clear) >= ENOUGH or self._spend():
                     break
         nearest = 0.0 if any(is_clear for _, is_clear in tried) else self._least([every for every, _ in tried])
         size = float(np.ptp(self._points, axis=0).min())
         error = failure(self._target, nearest, size, self._search.misses, self._spec, self._grasps.ended)
-        if 0.0 < nearest < math.inf and not self._is_late():
+        if 0.0 < nearest < math.inf and not self._spend():
             ends = (self._start, self._goal)
             error.crowded = next((at for at in ends if not any(self._is_clear(each, at) for each, _ in tried)), None)
+            self._spend()
         raise error
 
     def _with(self, grasps: ObjectGrasps, fits: Fits | None) -> PickPlan | None:
         pairs = chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE)
-        in_time = itertools.takewhile(lambda _: not self._is_late(), pairs)
+        in_time = itertools.takewhile(lambda _: not self._spend(), pairs)
         ordered = shorter_first(self._paths(some, grasps) for some in in_time)
         return next(filter(None, map(self._joined, ordered)), None)
 
@@ -173,7 +174,7 @@ class PickPlanner:
         places = {"grasp": self._start, "place": self._goal}
         later: list[tuple[Stand, int]] = []
         for some in chunks(self._bases(), BASES):
-            if self._is_late():
+            if self._spend():
                 return
             stands = some if fits is None else fits(some)
             self._solved += len(stands) * len(grasps)
@@ -200,7 +201,7 @@ class PickPlanner:
         for grasps in tried:
             for block in chunks(iter(range(len(grasps.tool))), BLOCK):
                 least = min(least, float(self._depth(grasps[block], least).min()))
-                if self._is_late():
+                if self._spend():
                     return least
         return least
 
@@ -228,14 +229,14 @@ class PickPlanner:
         for block in chunks(iter(range(len(grasps.tool))), BLOCK):
             some = [k for k in block if not is_near(grasps.tool[k], grasps.tool[chosen])]
             depth = self._depth(grasps[some]) if some else np.zeros(0)
-            if self._is_late():
-                return chosen
             for k, reached_into in zip(some, depth, strict=True):
                 # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
                 if reached_into <= 0.0 and not is_near(grasps.tool[k], grasps.tool[chosen]):
                     chosen.append(k)
                 if len(chosen) == GRASPS:
                     return chosen
+            if self._spend():
+                break
         return chosen
 
     def _paths(self, pairs: list[tuple[Stand, int]], grasps: ObjectGrasps) -> Iterator[StraightPaths]:

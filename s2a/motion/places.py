@@ -5,7 +5,6 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -39,15 +38,15 @@ APART = 0.15  # [m] Least distance of a free spot from where the object stands
 # for a grasp from above
 MARGINS = 0.16, 0.08, 0.04, 0.015
 NEARBY = 0.7  # [m] From the other end of the motion, up to which spots come first, however little room is around them
-AS_HIGH = (
-    0.1  # [m] Between the heights of both ends, up to which spots come first: a part may have several tops, and a floor
-)
+# [m] Between the heights of both ends, up to which spots come first: a part may have several tops, and a floor
+AS_HIGH = 0.1
 FAR = 0.9  # [m] Between both ends, seen from above, at most: an arm of 0.855 m stands between them
 HIGH = 1.2  # [m] Between the heights of both ends, at most, likewise
 # Free places that a task plans for, one after the other, until there is a plan; and of them on one of several supports
 CANDIDATES, OF_ONE = 6, 3
 NEAR = "nearby"  # Stands for free places of what carries the object at the other end, and of what is near that
 GAP = 0.001  # [m] Between an object and its support where it is put down
+MOVED = "as task.start_shift and task.start_turn need it"  # Why a spot has to be level
 
 
 def free_object(room: SimRoom, name: str | None) -> str:
@@ -67,7 +66,7 @@ def scanned(room: SimRoom, name: str) -> np.ndarray:
 
 
 def place_poses(
-    room: SimRoom, name: str, request: str | None, other: np.ndarray, level: float = LEVEL
+    room: SimRoom, name: str, request: str | None, other: np.ndarray, level: float = LEVEL, leaning: bool = True
 ) -> Iterator[np.ndarray]:
     """Yield the poses of an object's body frame of a request, 7-vectors, scene frame: one, or several of a support.
 
@@ -78,6 +77,7 @@ def place_poses(
             those of what is near.
         other: the other end of the motion, 7-vector.
         level: up to which a support's height may differ below the object [m].
+        leaning: it may lean on a support that is not level; not so where it is shifted or turned on that.
 
     Raises:
         InputError: none of these; no free spot; an insertion of another object.
@@ -89,12 +89,12 @@ def place_poses(
         yield _inserted(room, name, Path(request))
         return
     if request == NEAR:
-        yield from itertools.islice(nearby_placements(room, name, other, level), CANDIDATES)
+        yield from itertools.islice(nearby_placements(room, name, other, level, leaning), CANDIDATES)
         return
     try:
         numbers = [float(x) for x in request.replace(",", " ").split()]
     except ValueError:
-        yield from itertools.islice(free_placements(room, name, request, other, level), CANDIDATES)
+        yield from itertools.islice(free_placements(room, name, request, other, level, leaning), CANDIDATES)
         return
     if len(numbers) not in (3, 4):
         raise InputError(f"{request!r} is no pose; expected 'x y z' or 'x y z yaw', metres and degrees")
@@ -114,7 +114,9 @@ def _inserted(room: SimRoom, name: str, record: Path) -> np.ndarray:
     return scanned(room, name)
 
 
-def nearby_placements(room: SimRoom, name: str, other: np.ndarray, level: float = LEVEL) -> Iterator[np.ndarray]:
+def nearby_placements(
+    room: SimRoom, name: str, other: np.ndarray, level: float = LEVEL, leaning: bool = True
+) -> Iterator[np.ndarray]:
     """Yield free placements near a place (7-vector): on what carries the object there, then on what is near, the floor too.
 
     Raises:
@@ -125,15 +127,14 @@ def nearby_placements(room: SimRoom, name: str, other: np.ndarray, level: float 
     away = {i: _distance(near, i, other) for i in dict.fromkeys(near.names) if i != own and i not in room.free}
     count = 0
     for support in [own, *sorted(away, key=lambda i: away[i])]:
-        spots = (
-            pose for pose in _placements(room, name, support, other, near, level) if abs(pose[2] - other[2]) <= HIGH
-        )
-        for pose in itertools.islice(spots, OF_ONE):
+        spots = _placements(room, name, support, other, near, level, leaning)
+        for pose in itertools.islice((each for each in spots if abs(each[2] - other[2]) <= HIGH), OF_ONE):
             count += 1
             yield pose
     if not count:
+        needed = "level or steady" if leaning else f"level, {MOVED}"
         raise InputError(
-            f"nothing within {FAR:.1f} m of {name!r} has a spot that is free for it, level or steady; give a pose"
+            f"nothing within {FAR:.1f} m of {name!r} has a spot that is free for it, {needed}; give a pose"
         )
 
 
@@ -144,13 +145,13 @@ def _distance(near: Obstacles, support: str, other: np.ndarray) -> float:
 
 
 def free_placements(
-    room: SimRoom, name: str, support: str, other: np.ndarray, level: float = LEVEL
+    room: SimRoom, name: str, support: str, other: np.ndarray, level: float = LEVEL, leaning: bool = True
 ) -> Iterator[np.ndarray]:
     """Yield poses at which an object stands on a support, clear of all else, turned as it is in the file.
 
-    They are APART from each other and from `other` (7-vector), and up to FAR from that. Those about as high come first. Of
-    these the level ones, then those at which the object leans a little on a support that is not level; of each those NEARBY with
-    the largest of MARGINS, and of those the nearest ones. The least of MARGINS comes last.
+    They are APART from each other and from `other` (7-vector), and up to FAR from that. The level ones come first, then those at
+    which the object leans a little on a support that is not level; of each kind those about as high, of these those NEARBY with
+    the largest of MARGINS, and of those the nearest ones. The least of MARGINS comes last of those as high, and of the others.
 
     Raises:
         InputError: no such support near the object, or no free spot on it.
@@ -159,19 +160,20 @@ def free_placements(
     if support not in near.names:
         supports = ", ".join(dict.fromkeys(near.names))
         raise InputError(f"{support!r} supports nothing within 2 m of {name!r}; near are: {supports}")
-    poses = _placements(room, name, support, other, near, level)
+    poses = _placements(room, name, support, other, near, level, leaning)
     first = next(poses, None)
     if first is None:
+        uneven = "nor an uneven one where it rests steadily" if leaning else MOVED
         raise InputError(
-            f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands, nor an "
-            "uneven one where it rests steadily; give another support or a pose"
+            f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands, {uneven}; "
+            "give another support or a pose"
         )
     yield first
     yield from poses
 
 
 def _placements(
-    room: SimRoom, name: str, support: str, other: np.ndarray, near: Obstacles, level: float
+    room: SimRoom, name: str, support: str, other: np.ndarray, near: Obstacles, level: float, leaning: bool
 ) -> Iterator[np.ndarray]:
     """Yield the poses of `free_placements`, if there are any, in a room without the object."""
     body = room.free[name]
@@ -193,20 +195,25 @@ def _placements(
         upright = Rotation.from_quat(body.orientation)
         return np.array([[*spots[k], z + GAP, *(lean * upright).as_quat()] for k, lean, z in rests]).reshape(-1, 7)
 
-    kinds = ((cache(level_poses), level), (cache(leaning_poses), ROUGH))
+    def in_order() -> Iterator[tuple[float, float, np.ndarray]]:
+        # The leaning poses take long: they are computed where the level ones do not serve.
+        for poses, rough in ((level_poses, level), (leaning_poses, ROUGH))[: 1 + leaning]:
+            every = poses()
+            as_high = np.abs(every[:, 2] - other[2]) <= AS_HIGH
+            for some, margins in itertools.product((every[as_high], every[~as_high]), (MARGINS[:-1], MARGINS[-1:])):
+                yield from ((rough, *each) for each in _in_order(some, other, margins))
+
     taken = [np.array(other[:2])]
-    for is_as_high, margins, (poses, rough) in itertools.product((True, False), (MARGINS[:-1], MARGINS[-1:]), kinds):
-        chosen = poses()[(np.abs(poses()[:, 2] - other[2]) <= AS_HIGH) == is_as_high]
-        for margin, pose in _in_order(chosen, other, margins):
-            if min(np.linalg.norm(pose[:2] - each) for each in taken) < APART:
-                continue
-            lean = matrix(pose)[:3, :3] @ turn.T
-            beside = points @ lean.T + pose[:3]
-            # Spheres about what is low would reach into the support.
-            beside[:, 2] = np.maximum(beside[:, 2], beside[:, 2].min() - GAP + margin + rough)
-            if near.depth(beside, np.full(len(beside), margin)) <= 0.0:
-                taken.append(pose[:2])
-                yield pose
+    for rough, margin, pose in in_order():
+        if min(np.linalg.norm(pose[:2] - each) for each in taken) < APART:
+            continue
+        lean = matrix(pose)[:3, :3] @ turn.T
+        beside = points @ lean.T + pose[:3]
+        # Spheres about what is low would reach into the support.
+        beside[:, 2] = np.maximum(beside[:, 2], beside[:, 2].min() - GAP + margin + rough)
+        if near.depth(beside, np.full(len(beside), margin)) <= 0.0:
+            taken.append(pose[:2])
+            yield pose
 
 
 def _spots(bounds: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -88,7 +88,7 @@ def read_stage(
 ) -> PutStage:
     """Read a room and plan for an object and a part of it, which decides where the robot stands.
 
-    The task's settings have `start` and `place` as those of `pick.read_stage`, and `opening`: the path of the handle [m].
+    The task's settings are those of `pick.EndsConfig`, and `opening`: the path of the handle [m].
 
     Raises:
         InputError: no such object, start or part; the robot cannot do it, with the segment that fails.
@@ -107,7 +107,7 @@ def read_stage(
         room,
         target,
         spec,
-        place_poses(room, target, config.start, grasp),
+        place_poses(room, target, config.start, grasp, leaning=not (config.start_shift or config.start_turn)),
         lambda at: plan_put(PutTask(room, target, at, into, opened, motion.approach, motion.depth), spec),
     )
     stage = pick.of_object(path, room, target, start, put.goal, put.pick, spec, (into, *also))

@@ -104,6 +104,17 @@ def test_a_place_in_something_is_said_with_the_nearest_miss(tmp_path: Path, monk
     assert said == pytest.approx(1000 * min(least), abs=0.06) and said > 1.0
 
 
+def test_a_search_that_ends_before_a_base_was_looked_at_blames_no_base(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pick_plan, "SAMPLES", FEW)
+    monkeypatch.setattr(grasps, "WORK", 0)
+    with pytest.raises(
+        Unreachable, match=r"^'cube_9': the search ended after 0 million collision checks; give another"
+    ):
+        plan_pick(PickTask(room_of(tmp_path), "cube_9", START, GOAL, APPROACH), PANDA)
+
+
 def test_what_is_deeper_than_a_limit_somewhere_is_known_to_be_so(tmp_path: Path) -> None:
     room, gripper = room_of(tmp_path, beside=narrow(0.025)), PANDA.gripper
     near = Obstacles.of_room(room, {"cube_9"}, GOAL[:3])

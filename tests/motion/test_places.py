@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from cabinet import box
 from cube_room import START, room_of
+from scipy.spatial.transform import Rotation
 
 from s2a import robot
 from s2a.core.errors import InputError
@@ -19,7 +20,9 @@ from s2a.motion.grasps import Ungraspable
 from s2a.motion.places import APART, CANDIDATES, FAR, MARGINS, NEAR, OF_ONE, first_planned, free_placements, place_poses
 from s2a.motion.search import Unreachable
 from s2a.robot.tool_path import matrix
+from s2a.scene.geometry import convex
 from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import Collider
 
 PANDA = robot.load("panda")
 FEW = 20, 40
@@ -104,6 +107,29 @@ def test_nearby_spots_are_on_what_carries_the_object_first_and_else_on_what_is_n
     assert (np.linalg.norm(poses[:, :2] - START[:2], axis=1) <= FAR).all()
     full = np.array(list(place_poses(room_of(tmp_path, beside=blocks()), "cube_9", NEAR, START)))
     assert full[:, 2] == pytest.approx(0.025 + 0.001, abs=1e-3)
+
+
+def test_an_object_leans_on_a_slope_after_all_level_spots_and_only_where_it_may(tmp_path: Path) -> None:
+    """A support with a slope of 4 degrees, and a level top 0.3 m lower beside it; the cube is turned by 30 degrees."""
+    tilt, yaw = Rotation.from_euler("y", -4.0, degrees=True), Rotation.from_euler("z", 30.0, degrees=True)
+    slope = convex.box(np.array([1.5, 0.0, 0.5]), tilt.as_matrix(), np.array([0.6, 0.6, 0.1]))
+    hulls = [Collider("slope_5", mesh) for mesh in (slope, box((1.5, 0.55, 0.2), (0.3, 0.2, 0.05)))]
+    room = room_of(tmp_path)
+    cube = replace(room.free["cube_9"], orientation=tuple(yaw.as_quat()))
+    room = replace(room, static_colliders=(*room.static_colliders, *hulls), free={"cube_9": cube})
+    middle = np.array([1.5, 0.0, 0.55, 0.0, 0.0, 0.0, 1.0])
+    poses = np.array(list(free_placements(room, "cube_9", "slope_5", middle)))
+    is_level = poses[:, 2] < 0.3
+    count = int(is_level.sum())
+    assert 0 < count < len(poses) and is_level[:count].all()
+    np.testing.assert_array_equal(
+        list(free_placements(room, "cube_9", "slope_5", middle, leaning=False)), poses[:count]
+    )
+    np.testing.assert_allclose(poses[:count, 3:], np.tile(yaw.as_quat(), (count, 1)))
+    leaning = Rotation.from_quat(poses[count:, 3:])
+    assert ((tilt * yaw).inv() * leaning).magnitude().max() < np.radians(0.1)
+    above = (poses[count:, :3] - [1.5, 0.0, 0.5]) @ tilt.as_matrix()[:, 2]
+    assert above == pytest.approx(np.full(len(above), 0.05 + 0.025 + 0.001), abs=1e-3)
 
 
 def test_what_is_low_keeps_clear_of_what_stands_beside_it_too(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ import yaml
 from insertion_study import RESULTS, _in_turn, _insert_settings, _zoo
 from other_kinds import other_objects
 from PIL import Image, ImageDraw
-from placement_checks import Placed, Truth, _carried, _free, _hung, up_and_front
+from placement_checks import Placed, _carried, _free, _hung, up_and_front
 from rater_images import rater_image
 from triangle_queries import Obstacles, spread
 
@@ -143,8 +143,7 @@ def _measured(room: RoomState, inserted: Inserted, truth: dict) -> dict:
     up, front = up_and_front(plan, truth["up"], truth["front"], pose.quaternion)
     hangs = choice.relation == "hanging"
     if hangs:
-        about = Truth(truth["label"], None, None, "hanging")
-        carried = _hung(obstacles, Placed(mesh, up, front, 0.0), points, about.placement == "")["carried"]
+        carried = _hung(obstacles, Placed(mesh, up, front, 0.0), points, False)["carried"]
     else:
         carried = _carried(obstacles, points, choice.relation == "against")["carried"]
     toward = -np.asarray(inserted.candidate.normal) if hangs else np.array([0.0, 0.0, -1.0])

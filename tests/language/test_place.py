@@ -11,9 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from s2a.core.config import compose, load
 from s2a.core.errors import InputError
+from s2a.language.insert.describe import RoomState
 from s2a.language.insert.fit import NoRoom, Pose, reaching_into, swept_volumes
-from s2a.language.insert.poses import PoseConfig, Relation, places
-from s2a.language.insert.supports import nearby, place_paper, target_plane, target_regions
+from s2a.language.insert.plan import Choice, Plan
+from s2a.language.insert.poses import PoseConfig, Relation, candidate_poses, places
+from s2a.language.insert.supports import SurfaceConfig, nearby, place_paper, target_plane, target_regions
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.mesh_query import crossing, depth, inside
@@ -208,6 +210,18 @@ def test_what_hangs_is_at_eye_level_wherever_its_neighbour_is() -> None:
         box = hung(gallery(sofa), near)
         assert 1.44 <= box[:, 2].mean() <= 1.61
     assert hung(gallery(sofa), "sofa_3")[:, 0].mean() == pytest.approx(0.6, abs=0.15)
+
+
+def test_a_low_front_is_hung_on_and_a_height_is_no_middle_of_a_bare_wall() -> None:
+    flat = sheet((-0.4, 0.4), (0, 0.9), 0.0, 0.02)
+    front = Part("oven", Mesh(flat.vertices[:, [0, 2, 1]] * [1, 1, 1] + [0, 2, 0], flat.faces[:, ::-1]))
+    bare = replace(gallery().parts["wall_2"], label="unannotated")
+    surface = SurfaceConfig("regions")
+    scene = gallery(("oven_3", front), ("wall_2", bare))
+    for target, height in (("oven_3", None), ("wall_2", 1.5), ("wall_2", None)):
+        plan = Plan("+z", "+x", None, (Choice(target, "vertical", "hanging", height, "there"),), ())
+        made = candidate_poses(RoomState(scene, "", surface), block(0.03, 0.3, 0.3), plan, surface, POSE, [])
+        assert next(made).target == target
 
 
 def test_what_hangs_is_above_what_stands_there_and_not_behind_it() -> None:

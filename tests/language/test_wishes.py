@@ -225,6 +225,15 @@ def test_a_relation_is_told_from_where_the_object_is(said: str, place: tuple[flo
     assert met(room(), at(CUP, *place), relation) == holds
 
 
+def test_all_of_the_gap_of_two_things_with_large_faces_is_between_them() -> None:
+    things = {
+        "lamp_3": Part("lamp", at(block(2, 2, 0.5), -1.3, 0, 0)),
+        "crate_5": Part("crate", at(block(2, 2, 0.5), 1.3, 0, 0)),
+    }
+    (relation,) = parse_wish("between the lamp and the crate", LABELS).relations
+    assert all(met(Scene("room", things), at(CUP, 0.0, y, 0.0), relation) for y in np.linspace(-0.9, 0.9, 13))
+
+
 def test_what_is_seen_from_a_sofa_is_before_it_and_not_behind_a_wall() -> None:
     sofa = merge([at(block(1.8, 0.8, 0.42), 0, 0, 0), at(block(1.8, 0.2, 0.8), 0, -0.3, 0)])
     back, screen = at(block(3.0, 0.1, 2.4), 0, -0.46, 0), at(block(3.0, 0.1, 2.4), 0, 3.0, 0)

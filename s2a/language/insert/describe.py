@@ -141,6 +141,8 @@ LIKENESS = ((0.2, "floor-like"), (0.56, "seat-like"), (0.82, "table-like"), (1.1
 HIGH = "out of reach"
 FURNITURE = {"coffee table": "seat-like", "table": "table-like", "counter": "counter-like"}
 """What a wish may call such surfaces, where the room has none by that name."""
+MATTRESS = 0.35
+"""Height below which what is like a seat and has no name may be a bed's or a step [m]."""
 TOP = 0.15
 """Least area of these together [m^2]: seats have less, or backs."""
 
@@ -332,8 +334,9 @@ def _nameless(scene: Scene, supports: Supports) -> dict[str, Part]:
             continue
         tables = [i for i in supports if scene.parts[i].label == "table" and kind == "coffee table"]
         low = [i for i in tables if (top := _top(supports[i])) is not None and likeness(top, floor) == like]
-        for some in (low, [i for i in supports if scene.parts[i].label in NAMELESS]):
-            tops = {i: [one for one in _level(supports[i]) if likeness(one, floor) == like] for i in some}
+        for some, least in ((low, 0.0), ([i for i in supports if scene.parts[i].label in NAMELESS], MATTRESS)):
+            level = {i: [one for one in _level(supports[i]) if one.height - floor >= least] for i in some}
+            tops = {i: [one for one in own if likeness(one, floor) == like] for i, own in level.items()}
             large = {i: own for i, own in tops.items() if sum(region.area for region in own) >= TOP}
             parts |= {
                 f"{i}.{kind}": Part(kind, keep(scene.parts[i].mesh, _of(scene.parts[i].mesh, own)))

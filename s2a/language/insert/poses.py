@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.core.bounds import Count, NotNegative
 from s2a.core.errors import InputError
-from s2a.language.insert.describe import RoomState
+from s2a.language.insert.describe import RoomState, is_wall
 from s2a.language.insert.fit import (
     COLLISION,
     NoRoom,
@@ -425,13 +425,16 @@ def _on_regions(
     scene, target = room.scene, choice.target
     upright = choice.surface == "vertical"
     candidates = target_regions(scene, target, surface.regions, ("vertical",)) if upright else room.levels(target)
-    if (
-        choice.height is not None and scene.parts[target].label == UNANNOTATED
-    ):  # all the room: the floor is no other choice
+    floor, bare = floor_height(scene), scene.parts[target].label == UNANNOTATED
+    if choice.height is not None and bare and not upright:  # all the room: the floor is no other choice
         candidates = [region for region in candidates if abs(region.height - choice.height) < MEANT]
-    regions = _ordered(candidates, choice, floor_height(scene))
-    if not regions:
+    if not candidates:
         raise NoRoom(f"it has no {choice.surface} surface")
+    if upright and choice.height is None and (bare or is_wall(scene.parts[target].label)):
+        candidates = [region for region in candidates if _seen_cells(region, floor)]
+        if not candidates:
+            raise NoRoom(f"it has no {choice.surface} surface with {AHEAD:g} m before it, {HUNG:g} m above the floor")
+    regions = _ordered(candidates, choice, floor)
     if keep is not None and not upright:
         regions = [region for region in regions if any_allowed(keep, region.points(np.argwhere(region.free) + 0.5))]
         if not regions:
@@ -474,7 +477,7 @@ def _ordered(regions: list[Region], choice: Choice, floor: float) -> list[Region
     """Return regions in the order in which they match a choice: by height, kind and free area; `floor`: its height [m].
 
     What is to be on something does not go into its basin, nor what is to be in it onto its rim, where it has both. What hangs,
-    hangs where it is seen, and above the height of seats and counters where no other is meant.
+    hangs where it is seen best.
     """
 
     def within(region: Region) -> bool:
@@ -487,8 +490,6 @@ def _ordered(regions: list[Region], choice: Choice, floor: float) -> list[Region
         return meant, region.kind == choice.surface, region.free_area
 
     seen = {id(region): _seen_cells(region, floor) for region in regions if region.kind == "vertical"}
-    if seen and choice.height is None:
-        regions = [region for region in regions if seen[id(region)]]
     fitting = [
         region for region in regions if within(region) == (choice.relation == "in" or choice.surface == "inside")
     ]

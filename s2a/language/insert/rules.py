@@ -158,7 +158,8 @@ SPREAD, UPRIGHT_SPREAD = 0.4, 0.2
 MIRRORED, MOST = 2.0, 0.2
 """Weight of what differs along an axis between its ends, and the most that counts: few objects are the same above and below."""
 ROUND, ALIKE, FULL = 0.5, 0.05, 0.95
-"""Weight of two sides that are alike, to that fraction, and how much of its box what is round fills less than: cups and tins."""
+"""Weight of two sides that are alike, to that fraction, as of cups and tins, and how much of its box a carton fills, which may
+lie on any side."""
 STATED = 0.2
 """Weight of the up axis that the file states."""
 ANYWHERE = tuple("on table|on desk|on counter|on shelf|inside shelf|on cabinet|on nightstand|on dresser".split("|"))

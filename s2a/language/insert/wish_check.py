@@ -8,6 +8,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import trimesh
 from scipy.spatial import cKDTree
 
 from s2a.core.errors import InputError
@@ -27,6 +28,7 @@ OFF_HEIGHT = 0.1  # Largest error of a height on a wall [m]
 FOOT, HUNG = 0.35, 0.4
 SEEN = 0.5  # Least visible fraction of what is seen from somewhere
 OPPOSITE = -0.5  # Largest cosine between the directions to two things that something is between
+SPACING = 0.1  # Of the points that stand for a thing with large faces [m]
 # Heights of the eyes of who sits and of who stands, and how far before a thing [m]
 SITTING, STANDING, BEFORE = 1.15, 1.55, 0.4
 AROUND = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(8) * np.pi / 4])
@@ -90,6 +92,7 @@ class RoomRelations:
         self.scene, self.floor = scene, floor_height(scene)
         self._meshes: dict[str, Mesh] = {}
         self._trees: dict[tuple[str, int], cKDTree] = {}
+        self._fine: dict[str, cKDTree] = {}
         self._viewers: dict[str, np.ndarray] = {}
         self._outlines: dict[str, np.ndarray] = {}
 
@@ -224,7 +227,11 @@ class RoomRelations:
 
     def _nearest(self, bodies: PlacedBodies, part_id: str) -> np.ndarray:
         """Return the points of a thing nearest to bodies' middles in the plan [m], shape [body 2]."""
-        tree = self._tree(part_id, 2)
+        if part_id not in self._fine:
+            mesh = self.mesh(part_id)
+            corners = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, SPACING, max_iter=20)[0]
+            self._fine[part_id] = cKDTree(corners[:, :2])
+        tree = self._fine[part_id]
         return np.asarray(tree.data[tree.query(bodies.middle[:, :2])[1]])
 
     def _seen_from(self, bodies: PlacedBodies, part_id: str) -> np.ndarray:

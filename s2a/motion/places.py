@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -149,9 +150,9 @@ def free_placements(
 ) -> Iterator[np.ndarray]:
     """Yield poses at which an object stands on a support, clear of all else, turned as it is in the file.
 
-    They are APART from each other and from `other` (7-vector), and up to FAR from that. The level ones come first, then those at
-    which the object leans a little on a support that is not level; of each kind those about as high, of these those NEARBY with
-    the largest of MARGINS, and of those the nearest ones. The least of MARGINS comes last of those as high, and of the others.
+    They are APART from each other and from `other` (7-vector), and up to FAR from that. Those about as high come first: of a bare
+    room, a table and the floor are one support. Of these the level ones, then those at which the object leans a little on a
+    support that is not level; of each those NEARBY with the largest of MARGINS, and of those the nearest ones.
 
     Raises:
         InputError: no such support near the object, or no free spot on it.
@@ -195,12 +196,16 @@ def _placements(
         upright = Rotation.from_quat(body.orientation)
         return np.array([[*spots[k], z + GAP, *(lean * upright).as_quat()] for k, lean, z in rests]).reshape(-1, 7)
 
+    kinds = ((cache(level_poses), level), (cache(leaning_poses), ROUGH))[: 1 + leaning]
+    heights = carrying[:, 2] - lowest - other[2]
+    same_height = bool(heights.min() <= AS_HIGH and heights.max() >= -AS_HIGH)
+
     def in_order() -> Iterator[tuple[float, float, np.ndarray]]:
         # The leaning poses take long: they are computed where the level ones do not serve.
-        for poses, rough in ((level_poses, level), (leaning_poses, ROUGH))[: 1 + leaning]:
+        for as_high, (poses, rough) in itertools.product((True, False)[not same_height :], kinds):
             every = poses()
-            as_high = np.abs(every[:, 2] - other[2]) <= AS_HIGH
-            for some, margins in itertools.product((every[as_high], every[~as_high]), (MARGINS[:-1], MARGINS[-1:])):
+            some = every[(np.abs(every[:, 2] - other[2]) <= AS_HIGH) == as_high]
+            for margins in (MARGINS[:-1], MARGINS[-1:]):
                 yield from ((rough, *each) for each in _in_order(some, other, margins))
 
     taken = [np.array(other[:2])]

@@ -39,21 +39,9 @@ from s2a.tasks.env import VecEnv
 _log = logging.getLogger(__name__)
 
 PLANNER, RANDOM = "planner", "random"
-FREE = (
-    "out",
-    "device",
-    "num_envs",
-    "seed",
-    "stage",
-    "policy",
-    "perception",
-    "verify",
-)  # Keys in which a verification may differ
-HASHES = {
-    "policy_sha256": "policy",
-    "perception_sha256": "perception",
-    "parts_sha256": "stage",
-}  # And the keys they are of
+# Keys in which a verification may differ; and hashes that a result holds, with the keys they are of
+FREE = "out", "device", "num_envs", "seed", "stage", "policy", "perception", "verify"
+HASHES = {"policy_sha256": "policy", "perception_sha256": "perception", "parts_sha256": "stage"}
 TENTH, LEAST = 10, 10  # Of so many parts, a verification measures one again; and at least so many, or all
 # An environment and the planner's motions of its parts -> the policy that drives it
 Actor = Callable[[VecEnv, Sequence[Demonstration]], Policy]

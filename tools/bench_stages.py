@@ -81,9 +81,11 @@ def main() -> None:
             mesh.export(source)
         todo = commands(source, options.up, place)
         last = max(list(todo).index(name) for name in options.stages) if options.stages else len(todo) - 1
-        rows = {name: measured(todo[name], place / "cache") for name in list(todo)[: last + 1]}
-    if options.out:
-        options.out.write_text(json.dumps({"faces": faces, "stages": rows, **provenance("cpu")}, indent=1))
+        rows: dict[str, Row] = {}
+        for name in list(todo)[: last + 1]:
+            rows[name] = measured(todo[name], place / "cache")
+            if options.out:
+                options.out.write_text(json.dumps({"faces": faces, "stages": rows, **provenance("cpu")}, indent=1))
     table = Table("stage", "processor time [s]", "wall [s]", "peak [MiB]", "exit", title=f"{faces:,} faces")
     for name, row in rows.items():
         table.add_row(name, *(f"{row[key]:,}" for key in ("cpu_s", "wall_s", "peak_mib", "exit")))

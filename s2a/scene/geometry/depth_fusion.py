@@ -6,7 +6,7 @@ are those of the virtual scanner (`s2a.scene.geometry.surface_nets`).
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -114,9 +114,11 @@ class DepthFusion:
         points: measured points that mark where the surface is [m], shape [point 3].
         voxel: edge of a voxel [m].
         truncation: distance beyond which what lies behind a surface is unknown [m].
+        device: that holds the field and adds images, a name of Warp's; empty: a GPU where there is one.
     """
 
-    def __init__(self, points: np.ndarray, voxel: float, truncation: float) -> None:
+    def __init__(self, points: np.ndarray, voxel: float, truncation: float, device: str = "") -> None:
+        device = device or ("cuda:0" if wp.is_cuda_available() else "cpu")
         block, reach = _BLOCK * voxel, max(_REACH * voxel, truncation)
         low = points.min(axis=0) - 2 * block - reach
         size = np.ceil((points.max(axis=0) - low + 2 * block + reach) / block).astype(int) + 1
@@ -129,19 +131,19 @@ class DepthFusion:
         rows[...] = -1
         rows[tuple(blocks.T)] = np.arange(len(blocks), dtype=np.int32)
         count = len(blocks) * _BLOCK**3
-        stored = wp.array(blocks, dtype=wp.vec3i, device="cpu")
-        empty = [wp.zeros(count, dtype=float, device="cpu") for _ in range(3)]
+        stored = wp.array(blocks, dtype=wp.vec3i, device=device)
+        empty = [wp.zeros(count, dtype=float, device=device) for _ in range(3)]
         self._field = Field(voxel, origin, table, stored, empty[0], empty[1])
-        self._paint, self._painted = wp.zeros(count, dtype=wp.vec3, device="cpu"), empty[2]
-        self._truncation = truncation
+        self._paint, self._painted = wp.zeros(count, dtype=wp.vec3, device=device), empty[2]
+        self._truncation, self._device = truncation, device
 
     def add(self, image: Image) -> None:
         """Add a frame."""
-        field = self._field
+        field, device = self._field, self._device
         clean = without_edges(image.depth)
-        depth = wp.array(clean, dtype=float, device="cpu")
+        depth = wp.array(clean, dtype=float, device=device)
         colors = np.zeros((0, 0, 3), np.float32) if image.color is None else image.color.astype(np.float32)
-        color = wp.array(colors, dtype=wp.vec3, device="cpu")
+        color = wp.array(colors, dtype=wp.vec3, device=device)
         turn, eye = wp.mat33(*image.pose[:3, :3].T.reshape(-1).tolist()), wp.vec3(*image.pose[:3, 3].tolist())
         move = np.eye(4) if image.color_from_depth is None else image.color_from_depth
         nearest, coarse = np.zeros((0, 0), np.float32), 1.0
@@ -152,20 +154,24 @@ class DepthFusion:
             wp.vec4(*image.color_camera),
             wp.mat33(*move[:3, :3].reshape(-1).tolist()),
             wp.vec3(*move[:3, 3].tolist()),
-            wp.array(nearest, dtype=float, device="cpu"),
+            wp.array(nearest, dtype=float, device=device),
             coarse,
         ]
         inputs = [field.blocks, field.origin, field.voxel, self._truncation, depth, color, turn, eye, *cameras]
         outputs = [field.distance, field.weight, self._paint, self._painted]
 
         def part(some: slice) -> None:
-            wp.launch(_fuse, some.stop - some.start, inputs=[*inputs, some.start], outputs=outputs, device="cpu")
+            wp.launch(_fuse, some.stop - some.start, inputs=[*inputs, some.start], outputs=outputs, device=device)
 
-        in_parallel(part, chunks(len(field.weight)))
+        if device == "cpu":
+            in_parallel(part, chunks(len(field.weight)))
+        else:
+            part(slice(0, len(field.weight)))
 
     def surface(self, min_weight: float) -> Mesh:
         """Return the coloured surface; what was measured with less than some weight [1/m^2] is left out."""
-        field = self._field
+        arrays = ("blocks", "distance", "weight")
+        field = replace(self._field, **{name: getattr(self._field, name).to("cpu") for name in arrays})
         wp.launch(
             _average, len(field.weight), inputs=[min_weight, field.weight], outputs=[field.distance], device="cpu"
         )

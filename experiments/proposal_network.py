@@ -27,6 +27,7 @@ from torch import nn
 from s2a.annotate.propose.fronts import fronts
 from s2a.annotate.propose.layers import Layer, ProposeConfig
 from s2a.annotate.propose.network import CHANNELS, COARSE, MOTIONS, FrontNetwork, load
+from s2a.annotate.propose.network import image as image_of
 from s2a.core import config
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
@@ -152,9 +153,10 @@ def tested(network: FrontNetwork, files: list[Path]) -> dict[str, dict[str, floa
         planes = Planes.read(file)
         *_, detail = file.stem.split("_")
         for image, boxes in zip(planes.images, planes.boxes, strict=True):
+            plane = _layer(image, planes.cell)
             found = [
                 [front.box.left, front.box.bottom, front.box.right, front.box.top]
-                for front in fronts(_layer(image, planes.cell), 0.0, network, settings)
+                for front in fronts(plane, network.see(image_of(plane, 0.0)), settings)
             ]
             scores = _overlaps(np.array(found).reshape(-1, 4), boxes[:, :4])
             pairs = matched(scores * (boxes[:, 5] > 0))

@@ -15,6 +15,7 @@ from s2a.scene.scene import Joint
 START = 0.08  # [m] Faces within this distance of the clicked place make the first plane
 ROUNDS = 3  # Times a plane is fitted to what grew from it
 BESIDE = 0.05  # [m] Faces whose middles lie so far beside a rectangle may cross its sides
+ALIGNED = 0.6  # Cosine between a face of a front and its plane, at least
 TRIM = 0.01  # Fraction of a region's area beyond each side of its rectangle: ragged ends
 
 
@@ -134,6 +135,13 @@ def cut_out(
         near = np.concatenate([near, first + np.flatnonzero(np.isin(parent, near))])
         parents = np.concatenate([parents, parent])
     return surface, replace(region, faces=np.flatnonzero(_inside(surface, region, 0.0, config))), parents
+
+
+def inside(surface: SplitSurface, region: FrontRegion, distance: float) -> np.ndarray:
+    """Return the faces whose middles lie in a region's rectangle, nearer to its plane than [m], and facing as it does."""
+    place = region.local(surface.centroids)
+    flat = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < distance)
+    return np.flatnonzero(flat & (surface.normals @ region.normal > ALIGNED))
 
 
 def _inside(surface: SplitSurface, region: FrontRegion, margin: float, config: GrowConfig) -> np.ndarray:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import plain_room
 import pytest
 
 from s2a.annotate import handle
-from s2a.annotate.propose.furniture import LabelledFaces, opens
-from s2a.annotate.region import FrontRegion, hinge_at, slide
+from s2a.annotate.annotation import Item
+from s2a.annotate.propose.furniture import LabelledFaces, opens, refrigerator_doors, turns_right
+from s2a.annotate.region import FrontRegion, GrowConfig, hinge_at, inside, slide
+from s2a.annotate.surface import SplitSurface
 
 UP, RIGHT, OUT = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 
@@ -73,3 +78,22 @@ def test_a_drawer_is_held_in_its_middle_and_a_sliding_door_at_the_side_that_it_l
     away = slide(region, "right")
     place = region.local(handle.usual_place(region, away)[None])[0]
     assert place[0] == pytest.approx(-0.15 * np.sign(region.axes[:, 0] @ np.array(away.axis)))
+
+
+@pytest.mark.parametrize(("wide", "doors"), [(0.9, 2), (0.7, 3)])
+def test_pieces_on_a_refrigerator_are_two_doors_where_it_is_wide_enough(wide: float, doors: int) -> None:
+    """Two pieces at the left, one over the other, and one at the right half: a narrower refrigerator keeps them."""
+    sheet = plain_room.grid(np.zeros(3), RIGHT, UP, (wide, 1.8), (200, 200, 200))
+    surface = SplitSurface.of(sheet.vertices, sheet.faces, sheet.colors)
+    labels = LabelledFaces.of(surface.areas, ["Refrigerator"], np.zeros(len(surface.faces), int))
+    items = []
+    for side, middle, height, high in ((1, 0.25, 0.4, 0.7), (1, 0.25, 1.4, 0.7), (0, 0.75, 0.9, 1.7)):
+        region = replace(front(height), size=np.array([wide / 2, high]))
+        region = replace(region, center=np.array([0.0, middle * wide, height]))
+        region = replace(region, faces=inside(surface, region, 0.02))
+        items.append(Item(region, joint=hinge_at(region, side)))
+    result = refrigerator_doors(surface, tuple(items), labels, GrowConfig())
+    assert len(result) == doors
+    if doors == 2:
+        assert [turns_right(item) for item in result] == [False, True]
+        assert np.array([item.region.size for item in result]) == pytest.approx(np.array([[0.45, 1.7]] * 2), abs=0.05)

@@ -15,7 +15,7 @@ from s2a.annotate import files
 from s2a.annotate.annotation import Item
 from s2a.annotate.propose import fronts as run
 from s2a.annotate.propose.fronts import CellBox, SeenFront, fronts, propose
-from s2a.annotate.propose.layers import Layer, Points, ProposeConfig, layers
+from s2a.annotate.propose.layers import Layer, Points, ProposeConfig, framed_rows, layers
 from s2a.annotate.propose.network import CHANNELS, COARSE, FILE, MOTIONS, MULTIPLE, FrontNetwork, image, load
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
@@ -74,7 +74,7 @@ class Told(FrontNetwork):
 
 
 def seen(*args, **keys) -> list[SeenFront]:
-    return list(fronts(layer(), 0.0, Told(*args, **keys), PROPOSE))
+    return list(fronts(layer(), Told(*args, **keys).see(image(layer(), 0.0)), PROPOSE))
 
 
 def sides(box: CellBox) -> tuple[float, ...]:
@@ -131,6 +131,19 @@ def test_a_handle_is_that_of_the_front_that_it_lies_on() -> None:
 def test_a_door_turns_about_the_side_away_from_its_handle(motion, at: int, expected) -> None:
     (found,) = seen([(CellBox(10, 10, 60, 60), MOTIONS.index(motion))], handles=(CellBox(at, 20, at + 2, 30),))
     assert found.motion == expected
+
+
+def test_framed_doors_stand_in_a_row_and_meet_between_their_panels() -> None:
+    """Panels 18 cm wide, 12 cm apart: doors of 30 cm, whose stiles are 6 cm wide. One alone, or 2 mm deep, is no door."""
+    for depth, columns, doors in ((0.008, (16, 46, 76), 3), (0.002, (16, 46, 76), 0), (0.008, (16,), 0)):
+        plane = layer(140)
+        for column in columns:
+            plane.height[30:90, column : column + 18] = -depth
+        rows = list(framed_rows(plane))
+        assert sum(len(row) for row, _ in rows) == doors
+        for row, sure in rows:
+            assert row == pytest.approx(np.array([[10, 24, 40, 96], [40, 24, 70, 96], [70, 24, 100, 96]]), abs=1.5)
+            assert sure > 0.9
 
 
 def test_a_handle_at_the_border_of_the_image_is_whole_and_that_of_a_neighbour_is_not_taken() -> None:

@@ -9,10 +9,20 @@ from scipy import ndimage
 
 from s2a.annotate import handle as handles
 from s2a.annotate.annotation import Draft, Item
-from s2a.annotate.propose.furniture import READY, LabelledFaces
-from s2a.annotate.propose.layers import Layer, Points, ProposeConfig, floor_of, layer_of, layers, spread
+from s2a.annotate.propose.furniture import READY, LabelledFaces, refrigerator_doors, turns_right, upright_hinge
+from s2a.annotate.propose.layers import (
+    AHEAD,
+    Layer,
+    Points,
+    ProposeConfig,
+    floor_of,
+    framed_rows,
+    layer_of,
+    layers,
+    spread,
+)
 from s2a.annotate.propose.network import COARSE, MOTIONS, FrontNetwork, Motion, image, load
-from s2a.annotate.region import FrontRegion, GrowConfig, hinge_at, slide
+from s2a.annotate.region import FrontRegion, GrowConfig, hinge_at, inside, slide
 from s2a.annotate.surface import SplitSurface
 from s2a.scene.geometry.planes import fit_plane
 from s2a.scene.scene import Joint
@@ -48,6 +58,7 @@ class CellBox:
         return (self.left + self.right) / 2, (self.bottom + self.top) / 2
 
 
+TURNS: tuple[Motion, Motion] = (("hinge", "left"), ("hinge", "right"))  # Of the two doors of a pair
 SEEN = 0.5  # Probability from which on a cell is a front's, or a handle's
 AGREES = 0.5  # Intersection over union of two cells' rectangles from which on they are of one front
 NEAR = 0.05  # [m] A cell's word on a side counts half as much at this distance as beside it: what is near is seen well
@@ -74,9 +85,9 @@ class SeenFront:
     handle: CellBox | None  # rectangle around its handle; None where none is seen
 
 
-def fronts(layer: Layer, floor: float, network: FrontNetwork, config: ProposeConfig) -> Iterator[SeenFront]:
-    """Yield the fronts that a network sees on a plane, of `min_score` and `min_front` or more."""
-    probability, sides, motion, handle = network.see(image(layer, floor))
+def fronts(layer: Layer, maps: tuple[np.ndarray, ...], config: ProposeConfig) -> Iterator[SeenFront]:
+    """Yield the fronts that a network sees on a plane (its `maps`), of `min_score` and `min_front` or more."""
+    probability, sides, motion, handle = maps
     rows, columns = np.nonzero(probability > SEEN)
     p = probability[rows, columns]
     away = sides[:, rows, columns].clip(THIN) / config.cell
@@ -240,7 +251,6 @@ def depth_behind(region: FrontRegion, points: Points, density: float) -> float |
 
 SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}  # Index of a side in `joints.hinge_at`
 OVERLAP = 0.5  # Fraction of the smaller front that two proposals may share; the better one stays
-ALIGNED = 0.6  # Cosine between a face of a front and its plane, at least
 
 
 def propose(
@@ -263,14 +273,53 @@ def propose(
     config = replace(config, layer=layer_of(surface, config.layer))
     floor, points = floor_of(surface), spread(surface, config.density)
     ready = config if labels is None else replace(config, min_score=READY * config.min_score)
-    candidates = [
-        item
-        for layer in layers(points, config)
-        for front in fronts(layer, floor, network, ready)
-        if (item := _item(surface, points, layer, front, config, grow))
-        and (labels is None or item.score >= labels.min_score(item.region, config.min_score))
-    ]
+    candidates: list[Item] = []
+    rows: list[tuple[Layer, np.ndarray, list[CellBox], float]] = []
+    for layer in layers(points, config):
+        maps = network.see(image(layer, floor))
+        candidates += filter(
+            None, (_item(surface, points, layer, one, config, grow) for one in fronts(layer, maps, ready))
+        )
+        for doors, sure in framed_rows(layer) if labels else ():
+            rows.append((layer, maps[3], [scanned(layer, CellBox(*map(float, door))) for door in doors], sure))
+    for layer, handle, boxes, sure in rows:
+        row = framed(boxes, handle, _first(layer, boxes, candidates), ready.min_score * (1 + sure), config)
+        candidates += filter(None, (_item(surface, points, layer, one, config, grow) for one in row))
+    if labels is not None:
+        candidates = [item for item in candidates if item.score >= labels.min_score(item.region, config.min_score)]
+        return refrigerator_doors(surface, _best(surface, candidates), labels, grow)
     return _best(surface, candidates)
+
+
+def framed(
+    boxes: list[CellBox], handle: np.ndarray, first: int, score: float, config: ProposeConfig
+) -> Iterator[SeenFront]:
+    """Yield the doors of a row of framed ones, which open away from each other in pairs.
+
+    Args:
+        boxes: their rectangles, from left to right.
+        handle: probability of a handle in each cell of their plane.
+        first: the side that the first one turns about, an index of TURNS.
+        score: of each.
+        config: has the least size of a front.
+    """
+    for index, box in enumerate(boxes):
+        if (np.array([box.width, box.height]) * config.cell >= config.min_front).all():
+            grip = _handle(handle, box)
+            yield SeenFront(box, _hinged(TURNS[(first + index) % 2], box, grip), score, grip)
+
+
+def _first(layer: Layer, boxes: list[CellBox], others: list[Item]) -> int:
+    """Return the side that the first door of a row turns about, an index of TURNS: as other proposals of its doors do."""
+    votes = np.zeros(2)
+    for index, box in enumerate(boxes):
+        middle, wide = _place(layer, *box.middle), box.width * layer.cell
+        for item in filter(upright_hinge, others):
+            region = item.region
+            near = np.abs(region.local(middle[None])[0]) < [*region.size / 4, AHEAD]
+            if near.all() and wide > AGREES * region.size[0]:
+                votes[(turns_right(item) + index) % 2] += item.score
+    return int(np.argmax(votes))
 
 
 def cut(surface: SplitSurface, items: tuple[Item, ...], grow: GrowConfig) -> Draft:
@@ -343,13 +392,6 @@ def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig)
     center = region.center + (offset - float(region.center @ normal)) * normal
     turned = replace(region, normal=normal, center=center, axes=np.stack([right, region.axes[:, 1]], axis=1))
     return replace(turned, faces=inside(surface, turned, grow.thickness))
-
-
-def inside(surface: SplitSurface, region: FrontRegion, distance: float) -> np.ndarray:
-    """Return the faces whose middles lie in a region's rectangle, nearer to its plane than [m], and facing as it does."""
-    place = region.local(surface.centroids)
-    flat = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < distance)
-    return np.flatnonzero(flat & (surface.normals @ region.normal > ALIGNED))
 
 
 def _best(surface: SplitSurface, candidates: list[Item]) -> tuple[Item, ...]:

@@ -18,7 +18,7 @@ from s2a.robot.model import add_gripper
 from s2a.scene.articulation import opening_sign, pose_at
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN, rotate
-from s2a.sim.room import owner
+from s2a.sim.contacts import RestingRoom, mujoco_depths, newton_depths
 from s2a.sim.world import JointConfig, build_world, read_stage
 
 PARKED = 50.0  # [m] Height at which the gripper waits
@@ -137,11 +137,6 @@ class MujocoWorld:
         owners = ["static" if fixed else name for fixed, name in zip(still, owners, strict=True)]
         return [i for i, name in enumerate(owners) if name in parts]
 
-    def obstacles(self) -> list[int]:
-        """Return the static colliders, but those that the target does not collide with."""
-        filtered = self.stage.room.articulations[self.stage.target].filtered
-        return [i for i in self.geoms("static") if owner(self.labels[i]) not in filtered]
-
     def place_gripper(self, data: mujoco.MjData, pose: np.ndarray) -> None:
         """Hold the gripper at a pose, 7-vector in the scene."""
         data.mocap_pos[self._gripper] = pose[:3]
@@ -199,7 +194,6 @@ class MotionConfig:
     Attributes:
         rest_time: for how long nothing may move [s].
         open_time: for how long the part may not open by itself [s].
-        poses: coordinates along the travel at which penetration is measured.
     """
 
     rest_time: Positive
@@ -213,8 +207,10 @@ class MotionConfig:
     # weight they carry: 60 kg take a hand, not a finger
     weight_fraction: NotNegative = 0.05
     speed: Positive = 0.25  # of the grasp point during the sweep [m/s]
-    poses: Count
-    penetration: NotNegative = 0.001  # of colliders that no joint connects [m]
+    # of the part's colliders in those of any other body or the room, as scanned [m]; MuJoCo's and Newton's contacts
+    # give way by that
+    penetration: NotNegative = 0.001
+    sweep_penetration: NotNegative = 0.002  # the same anywhere along the travel [m]
 
 
 MOTION: Suite[MujocoWorld, MotionConfig] = Suite()  # Checks of the moving part without a gripper
@@ -284,38 +280,25 @@ def joint_sweep(world: MujocoWorld, config: MotionConfig) -> Check:
 
 
 @MOTION.check()
-def rest_penetration(world: MujocoWorld, config: MotionConfig) -> Check:
-    """The moving part's colliders are not in the room's, as scanned."""
-    return penetration(world, "rest_penetration", np.zeros(1), config)
-
-
-@MOTION.check()
-def sweep_penetration(world: MujocoWorld, config: MotionConfig) -> Check:
-    """The moving part's colliders meet none of the room's along its travel."""
-    return penetration(world, "sweep_penetration", np.linspace(*world.stage.joint.limits, config.poses), config)
-
-
-def penetration(world: MujocoWorld, name: str, coordinates: np.ndarray, config: MotionConfig) -> Check:
-    """Measure how deep the moving part's colliders are in the room's, at some coordinates of the joint."""
-    stage = world.stage
-    moving, room = world.geoms(stage.target), world.obstacles()
-    overlaps = [(*world.deepest(world.data(float(q)), moving, room, 0.001), float(q)) for q in coordinates]
-    depth, a, b, q = max(overlaps)
-    return at_most(
-        name, max(depth, 0.0), config.penetration, "m", prim=world.labels[a] if depth > 0 else f"/scene/{stage.target}",
-        message=f"in {world.labels[b]} at {q:.3f}" if depth > 0 else "no collision with the room", remedy=FIX,
-    )  # fmt: skip
-
-
-@MOTION.check()
-def cabinet_overlap(world: MujocoWorld, config: MotionConfig) -> Check:
-    """Report how deep the moving part is in its cabinet: a joint connects the two, so that simulators let them overlap."""
-    stage = world.stage
-    moving, still = world.geoms(stage.target), world.geoms(world.carrier)
-    overlaps = [world.deepest(world.data(float(q)), moving, still, 0.001) for q in np.linspace(*stage.joint.limits, 9)]
-    depth, a, _ = max(overlaps)
-    path = world.labels[a] if depth > 0 else f"/scene/{stage.target}"
-    return Check("cabinet_overlap", "info", max(depth, 0.0), None, "m", path, f"deepest in {world.carrier}; filtered")
+def penetration(world: MujocoWorld, config: MotionConfig) -> list[Check]:
+    """Measure how deep the part reaches into other bodies and the room, at rest and along its travel, no pair filtered."""
+    room, part = world.stage.room, world.stage.target
+    joints = {i: each.joint for i, each in room.articulations.items()}
+    parents = {i: each.parent for i, each in room.articulations.items()}
+    around = RestingRoom(room.bodies, joints, parents, room.static_colliders)
+    clear = (0.0, "no collision in MuJoCo and Newton, no pair filtered")
+    rest, travel = [clear], [clear]
+    for name, engine in (("MuJoCo", mujoco_depths), ("Newton", newton_depths)):
+        for other, each in around.overlaps(part, engine).items():
+            rest.append((each.rest, f"in {other}, by {name} without filters"))
+            travel.append((each.travel, f"in {other} at {each.q:.3f}, by {name} without filters"))
+    return [
+        at_most(name, depth, bound, "m", prim=f"/scene/{part}", message=message, remedy=FIX)
+        for name, (depth, message), bound in (
+            ("rest_penetration", max(rest), config.penetration),
+            ("sweep_penetration", max(travel), config.sweep_penetration),
+        )
+    ]
 
 
 @MOTION.check()

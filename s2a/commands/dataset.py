@@ -26,8 +26,9 @@ from s2a.motion.policy import Planner
 from s2a.motion.trajectory import Demonstration, PlannerConfig
 from s2a.prepare.room import PrepareConfig
 from s2a.robot import Robot
-from s2a.scan import folder, imported, labelled_boxes, recording_formats, registry
+from s2a.scan import folder, imported, labelled_boxes, recording_formats
 from s2a.scan.evidence import Bounds, annotation
+from s2a.scan.folder import formats
 from s2a.scan.formats.articulate3d import read_overlaps
 from s2a.scene.geometry.camera import framing_pose, front_of
 from s2a.scene.geometry.mesh_ops import merge, painted
@@ -213,7 +214,7 @@ def _loaded(command: str, cls: type[Any], keys: dict[str, Any]) -> Any:
 
 
 def _is_annotation(path: Path) -> bool:
-    return any(reader.recognise(path) for reader in registry.formats("s2a.scan.formats"))
+    return any(reader.recognise(path) for reader in formats("s2a.scan.formats"))
 
 
 def _is_scan(path: Path) -> bool:
@@ -228,7 +229,7 @@ def _moves(path: Path) -> bool:
 
 def _mesh(path: Path) -> Path:
     """Return the only file of a folder that s2a import reads; InputError for none, or several."""
-    readers = registry.formats("s2a.scan.meshes")
+    readers = formats("s2a.scan.meshes")
     files = [
         file
         for file in sorted(path.iterdir())

@@ -13,8 +13,9 @@ from s2a.prepare.base_pose import ASSUMED_FLOOR, BaseConfig
 from s2a.prepare.free_objects import FreeConfig, FreeObject, free_objects, level_tops
 from s2a.prepare.grasp import bodies, parent_body
 from s2a.prepare.mass import MassConfig, box_mass, cabinet_walls, moving_mass
+from s2a.prepare.neighbours import filtered_pairs, trim_apart
 from s2a.prepare.part import PartConfig, PartResult, selected_parts
-from s2a.prepare.part_hulls import CabinetConfig, ColliderConfig, anchor, cabinet_body, filtered_pairs
+from s2a.prepare.part_hulls import CabinetConfig, ColliderConfig, anchor, cabinet_body
 from s2a.prepare.refine import Refined, refine, sentence, with_joints
 from s2a.prepare.refine_loss import RefineConfig
 from s2a.prepare.room_hulls import LevelTop, RoomConfig, StaticRoom, below_tops, cut_out
@@ -157,7 +158,12 @@ def prepare(
     tops = level_tops(extracted)
     fixed = _fixed_bodies(scene, results, owners, obstacles, tops, config)
     moving = {part: _moving_body(scene, result, config) for part, result in results.items()}
-    filtered = filtered_pairs(moving, fixed, {part: result.target.joint for part, result in results.items()})
+    joints = {part: result.target.joint for part, result in results.items()}
+    parents = {part: parent_body(scene, part, owners) for part in results}
+    handles = {part: result.target.grasp_parts for part, result in results.items()}
+    bodies_apart = trim_apart(fixed | moving, joints, parents, handles, config.room)
+    moving, fixed = ({i: bodies_apart[i] for i in group} for group in (moving, fixed))
+    filtered = filtered_pairs(moving, fixed, joints)
     taken = {i for item in extracted for i in item.members}
     static = [i for i, owner in owners.items() if owner is None and i not in taken]
     around = [hull for group in obstacles.values() for hull in group]
@@ -168,7 +174,7 @@ def prepare(
         name=scene.name,
         bodies=fixed | moving,
         articulations={
-            part: _articulation(result, parent_body(scene, part, owners), moving[part], filtered[part], config, spec)
+            part: _articulation(result, parents[part], moving[part], filtered[part], config, spec)
             for part, result in results.items()
         },
         static_visual=visual.mesh,

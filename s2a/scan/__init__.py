@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a.core.outputs import atomic_write
-from s2a.scan import folder, registry
+from s2a.scan import folder
 from s2a.scene.scene import Scene
 from s2a.scene.usd import descriptive, geometric
 
@@ -16,7 +16,7 @@ def read(path: Path) -> Scene:
         InputError: the folder holds no such scan, several, or a damaged one.
     """
     path = Path(path)
-    readers = [reader for reader in registry.formats("s2a.scan.formats") if path.is_dir() and reader.recognise(path)]
+    readers = [reader for reader in folder.formats("s2a.scan.formats") if path.is_dir() and reader.recognise(path)]
     if not readers:
         raise folder.no_scan(path)
     return readers[0].read(path)

@@ -1,10 +1,19 @@
-"""The files of a folder that make up a scan on a mesh of ScanNet, ScanNet++ or nobody."""
+"""A folder of a scan: its files on a mesh of ScanNet, ScanNet++ or nobody, and the registered formats that read it.
 
+A format is every module of a package that has `recognise` and `read`, and those that other packages bring.
+"""
+
+import importlib
+import pkgutil
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
 from pathlib import Path
+from types import ModuleType
+from typing import Any, Protocol, cast
 
 from s2a.core.errors import InputError
-from s2a.scan import registry
 
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"
@@ -155,9 +164,9 @@ def _why_not_one(path: Path, parts: list[Path]) -> str:
     if remedy := next(filter(None, map(mesh_remedy, files)), None):
         return f"holds no PLY mesh; {remedy}"
     names = ", ".join(file.name for file in files[:6]) or "nothing"
-    formats = ", ".join(each.NAME for each in registry.formats("s2a.scan.formats"))
+    readable = ", ".join(each.NAME for each in formats("s2a.scan.formats"))
     return (
-        f"holds no annotated scan: <scene>_parts.json is missing (found: {names}); possible: {formats} (docs/own_scan.md "
+        f"holds no annotated scan: <scene>_parts.json is missing (found: {names}); possible: {readable} (docs/own_scan.md "
         "lists their files); give the folder of one scan"
     )
 
@@ -189,3 +198,29 @@ def _required(folders: list[Path], remedy: str, *names: str) -> Path:
     if file is None:
         raise InputError(f"{folders[0]}: {names[0]} is missing; {remedy}")
     return file
+
+
+class Format(Protocol):
+    """A module that reads one format."""
+
+    NAME: str  # what the format is called in messages
+    recognise: Callable[[Path], bool]  # returns whether a path holds this format, from names of files, without an error
+    # returns what the path holds; raises an InputError, one line, where it is damaged or incomplete
+    read: Callable[[Path], Any]
+
+
+@cache
+def formats(package: str) -> tuple[Format, ...]:
+    """Return the formats of a package in the order in which they are asked: by PRIORITY (0 without), largest first, then by name.
+
+    `package`: of the readers, and the group of entry points by which an installed package adds modules of its own.
+    """
+    home = importlib.import_module(package)
+    modules = [importlib.import_module(f"{package}.{each.name}") for each in pkgutil.iter_modules(home.__path__)]
+    modules += [point.load() for point in entry_points(group=package)]
+    readers = [module for module in modules if hasattr(module, "recognise") and hasattr(module, "read")]
+    return tuple(cast(Format, module) for module in sorted(readers, key=_order))
+
+
+def _order(module: ModuleType) -> tuple[int, str]:
+    return -int(getattr(module, "PRIORITY", 0)), module.__name__

@@ -12,7 +12,7 @@ import numpy as np
 
 from s2a.core.color_space import to_linear, to_srgb
 from s2a.core.errors import InputError
-from s2a.scan import registry
+from s2a.scan.folder import formats
 
 _log = logging.getLogger(__name__)
 
@@ -204,7 +204,7 @@ def _wrapped(texel: np.ndarray, count: int, wrap: str) -> np.ndarray:
 
 def endings() -> tuple[str, ...]:
     """Return the endings of the names of files that can be read."""
-    return tuple(ending for reader in registry.formats("s2a.scan.meshes") for ending in reader.ENDINGS)  # type: ignore[attr-defined]
+    return tuple(ending for reader in formats("s2a.scan.meshes") for ending in reader.ENDINGS)  # type: ignore[attr-defined]
 
 
 def read(path: Path) -> SourceMesh:
@@ -225,7 +225,7 @@ def read_unchecked(path: Path) -> SourceMesh:
     if not path.is_file():
         what = "is a folder" if path.is_dir() else "does not exist"
         raise InputError(f"mesh {str(path)!r} {what}; give one mesh file: {', '.join(endings())}")
-    reader = next((each for each in registry.formats("s2a.scan.meshes") if each.recognise(path)), None)
+    reader = next((each for each in formats("s2a.scan.meshes") if each.recognise(path)), None)
     if reader is None:
         raise InputError(f"mesh {str(path)!r}: the ending {path.suffix!r} is unknown; possible: {', '.join(endings())}")
     if not path.stat().st_size:

@@ -1,14 +1,23 @@
-"""Contact forces between the robot's links and one body of every world, by link and by region of the surface.
+"""Contacts: forces between the robot's links and one body of every world, by link and region; depths at which bodies overlap.
 
 The gripper's pads are the fingers' links. A contact belongs to where it lies, whatever collider carries it.
 """
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import mujoco
 import mujoco_warp
+import newton
 import numpy as np
 import warp as wp
+from scipy.spatial.transform import Rotation
 
-from s2a.scene.scene import Mesh
+from s2a.scene.articulation import transform
+from s2a.scene.geometry.convex import sections
+from s2a.scene.scene import Joint, Mesh
+from s2a.scene.usd.sim_scene import Collider, SimBody
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import touched
 
@@ -149,3 +158,142 @@ def _owners(sim: Simulation) -> np.ndarray:
     shapes = sim.solver.mjc_geom_to_newton_shape.numpy()
     body = sim.model.shape_body.numpy()[shapes]
     return np.where((shapes >= 0) & (body >= 0), of_body[np.where(body >= 0, body % bodies, bodies)], -1)
+
+
+STATIC = "static"  # Id of the static room
+POSES = 33  # Coordinates of a joint at which overlaps are measured, closer to each other near the scanned pose
+REACH_STEP = 0.1  # [rad] Section of a turn whose bounds tell which hulls it may meet
+
+# Hulls that move, hulls that stay, poses of the first [pose 4 4], and the gap [m] up to which pairs are reported ->
+# of each pose the pairs by index, with their depth [m], negative where there is a gap
+Engine = Callable[[Sequence[Mesh], Sequence[Mesh], np.ndarray, float], Iterator[list[tuple[int, int, float]]]]
+
+
+@dataclass(frozen=True)
+class OverlapDepth:
+    """Deepest overlap of an articulated part and another body that stands at its scanned pose, no pair filtered."""
+
+    rest: float  # at the scanned pose [m]; negative: a gap
+    travel: float  # anywhere between the joint's limits [m]
+    q: float  # the coordinate of that [m] or [rad]
+
+
+@dataclass(frozen=True)
+class RestingRoom:
+    """Bodies of a room at their scanned poses, of which one part at a time moves, and what of the room never does.
+
+    Attributes:
+        bodies: articulated parts and furniture by id.
+        joints: of the articulated parts.
+        parents: body that each of these moves against.
+        static: colliders of the rest of the room.
+    """
+
+    bodies: Mapping[str, SimBody]
+    joints: Mapping[str, Joint]
+    parents: Mapping[str, str]
+    static: Sequence[Collider] = field(default=(), repr=False)
+
+    def carried(self, part: str) -> list[str]:
+        """Return a part and those that move with it."""
+        group = [part]
+        for body in group:
+            group += [child for child, parent in self.parents.items() if parent == body]
+        return group
+
+    def overlaps(self, part: str, engine: Engine | None = None, within: float = 0.0) -> dict[str, OverlapDepth]:
+        """Return how deep a part, and what it carries, overlaps other bodies, by their ids; of STATIC all that does not move.
+
+        Args:
+            part: the articulated part; all others stand at their scanned poses.
+            engine: measures depths; None: MuJoCo's exact depth of convex hulls.
+            within: gaps up to this are reported too [m].
+        """
+        joint, group = self.joints[part], self.carried(part)
+        near, far = sorted(joint.limits, key=abs)
+        steps = np.linspace(0.0, 1.0, POSES) ** 2
+        stops = np.unique([0.0, *(far * steps), *(near * steps)])
+        poses = np.array([transform(joint, q) for q in stops])
+        moving = [c.mesh for body in group for c in self.bodies[body].colliders]
+        low, high = _reach(moving, joint) + [[-within], [within]]
+        others = {i: body.colliders for i, body in self.bodies.items() if i not in group} | {STATIC: self.static}
+        pool = [(i, c.mesh) for i, colliders in others.items() for c in colliders]
+        pool = [each for each in pool if (each[1].bounds[0] < high).all() and (each[1].bounds[1] > low).all()]
+        result: dict[str, OverlapDepth] = {}
+        if not moving or not pool:
+            return result
+        depths = (engine or mujoco_depths)(moving, [mesh for _, mesh in pool], poses, within)
+        for q, pairs in zip(stops.tolist(), depths, strict=True):
+            for _, other, depth in pairs:
+                last = result.get(pool[other][0], OverlapDepth(-np.inf, -np.inf, q))
+                rest = max(last.rest, depth) if q == 0.0 else last.rest
+                deeper = depth > last.travel
+                result[pool[other][0]] = OverlapDepth(rest, *((depth, q) if deeper else (last.travel, last.q)))
+        return result
+
+
+def mujoco_depths(
+    moving: Sequence[Mesh], others: Sequence[Mesh], poses: np.ndarray, within: float
+) -> Iterator[list[tuple[int, int, float]]]:
+    """Yield the pairs of convex hulls that are nearer than a gap, by MuJoCo's distance of convex bodies (an `Engine`)."""
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="part", mocap=True)
+    for k, mesh in enumerate((*moving, *others)):
+        asset = spec.add_mesh(name=str(k))
+        asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+        asset.uservert, asset.userface = mesh.vertices.astype(np.float64).ravel(), mesh.faces.ravel()
+        owner = body if k < len(moving) else spec.worldbody
+        owner.add_geom(name=str(k), type=mujoco.mjtGeom.mjGEOM_MESH, meshname=str(k))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    geoms = np.array([model.geom(str(k)).id for k in range(len(moving) + len(others))])
+    mine, theirs = geoms[: len(moving)], geoms[len(moving) :]
+    reach = model.geom_rbound[mine][:, None] + model.geom_rbound[theirs] + within
+    for pose in poses:
+        data.mocap_pos[0], data.mocap_quat[0] = pose[:3, 3], np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
+        mujoco.mj_kinematics(model, data)
+        apart = np.linalg.norm(data.geom_xpos[mine][:, None] - data.geom_xpos[theirs], axis=2)
+        pairs = []
+        for i, j in np.argwhere(apart < reach).tolist():
+            depth = -mujoco.mj_geomDistance(model, data, int(mine[i]), int(theirs[j]), max(within, 1e-6), None)
+            if depth > -max(within, 1e-9):
+                pairs.append((i, j, depth))
+        yield pairs
+
+
+def newton_depths(
+    moving: Sequence[Mesh], others: Sequence[Mesh], poses: np.ndarray, within: float
+) -> Iterator[list[tuple[int, int, float]]]:
+    """Yield the pairs of convex hulls that are nearer than a gap [m], by Newton's own contacts (an `Engine`)."""
+    with wp.ScopedDevice("cpu"):
+        builder = newton.ModelBuilder()
+        builder.default_shape_cfg.margin, builder.default_shape_cfg.gap = 0.0, max(within, 1e-6)
+        body = builder.add_body()
+        for k, mesh in enumerate((*moving, *others)):
+            hull = newton.Mesh(mesh.vertices, mesh.faces.ravel(), compute_inertia=False)
+            builder.add_shape_convex_hull(body if k < len(moving) else -1, mesh=hull)
+        model = builder.finalize()
+        pipeline = newton.CollisionPipeline(model, broad_phase="explicit")
+        contacts, state = pipeline.contacts(), model.state()
+    for pose in poses:
+        state.body_q.assign([[*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat()]])
+        pipeline.collide(state, contacts)
+        count = int(contacts.rigid_contact_count.numpy()[0])
+        ends = [
+            [getattr(contacts, f"rigid_contact_{name}{k}").numpy()[:count] for k in range(2)]
+            for name in ("shape", "point")
+        ]
+        shapes, points = map(np.stack, ends)
+        points = np.where((shapes < len(moving))[..., None], points @ pose[:3, :3].T + pose[:3, 3], points)
+        depths = -((points[1] - points[0]) * contacts.rigid_contact_normal.numpy()[:count]).sum(axis=1)
+        pairs = zip(*np.sort(shapes, axis=0).tolist(), depths.tolist(), strict=True)
+        yield [(i, j - len(moving), depth) for i, j, depth in pairs if depth > -max(within, 1e-9)]
+
+
+def _reach(meshes: Sequence[Mesh], joint: Joint) -> np.ndarray:
+    """Return the lowest and highest corner of the paths of hulls [m], shape [2 3]."""
+    points = [points for mesh in meshes for points in sections(mesh, joint, REACH_STEP)]
+    low, high = (edge([edge(each, axis=0) for each in points], axis=0) for edge in (np.min, np.max)) if points else (
+        np.full(3, np.inf), np.full(3, -np.inf)
+    )  # fmt: skip
+    return np.stack([low, high])

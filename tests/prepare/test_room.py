@@ -13,7 +13,7 @@ from s2a.core.errors import InputError
 from s2a.prepare import part as parts_module
 from s2a.prepare.grasp import bodies, find_target, parent_body
 from s2a.prepare.room import prepare
-from s2a.scene.geometry.convex import overlap, sweep
+from s2a.scene.geometry.convex import overlap, sweep, volume
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import SimRoom
 
@@ -60,7 +60,11 @@ def test_the_grasp_of_a_door_is_its_own_and_not_that_of_a_drawer_behind_it(room:
 
 def test_a_part_is_the_same_whether_the_others_are_prepared_or_not(room: SimRoom) -> None:
     alone = prepare(nested_room(), "drawer_7", quick())
-    assert alone.bodies["drawer_7"] == room.bodies["drawer_7"]
+    body, among = alone.bodies["drawer_7"], room.bodies["drawer_7"]
+    assert replace(body, colliders=()) == replace(among, colliders=())
+    # Among others that move it is trimmed apart from them; of a frozen one the cabinet's hull gives way.
+    whole, left = (sum(volume(c.mesh) for c in each.colliders) for each in (body, among))
+    assert 0.95 * whole < left <= whole
     assert replace(alone.articulations["drawer_7"], filtered=(), notes=()) == replace(
         room.articulations["drawer_7"], filtered=(), notes=()
     )

@@ -9,7 +9,7 @@ import pytest
 
 from s2a import scan
 from s2a.commands import cli
-from s2a.scan import registry
+from s2a.scan.folder import formats
 
 DOCS = Path(__file__).parents[2] / "docs" / "own_scan.md"
 BOXES = "cabinet 0 0 0 0 0.5 0.8 0.8\ndrawer 0.4 0.5 0 0.5 0.52 0.8 0.7\n"
@@ -26,12 +26,12 @@ def boxes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: boxes\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[s2a.scan.formats]\nboxes = boxes_format\n")
-    registry.formats.cache_clear()
+    formats.cache_clear()
     folder = tmp_path / "room"
     folder.mkdir()
     (folder / "boxes.txt").write_text(BOXES)
     yield folder
-    registry.formats.cache_clear()
+    formats.cache_clear()
     sys.modules.pop("boxes_format", None)
 
 
@@ -50,10 +50,10 @@ def test_its_errors_are_one_line(boxes: Path, tmp_path: Path, capsys: pytest.Cap
 
 
 def test_those_with_joints_are_asked_before_those_without() -> None:
-    names = [reader.NAME for reader in registry.formats("s2a.scan.formats")]
+    names = [reader.NAME for reader in formats("s2a.scan.formats")]
     assert ", ".join(names) == "Articulate3D, MultiScan, ScanNet, ScanNet++, bare mesh"
 
 
 def test_every_ending_belongs_to_one_reader() -> None:
-    endings = [ending for reader in registry.formats("s2a.scan.meshes") for ending in reader.ENDINGS]
+    endings = [ending for reader in formats("s2a.scan.meshes") for ending in reader.ENDINGS]
     assert len(endings) == len(set(endings)) and {".glb", ".obj", ".ply", ".usdz"} <= set(endings)

@@ -256,23 +256,28 @@ def deepest(hulls: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, steps: 
 def sweep(mesh: Mesh, joint: Joint, clearance: float = 0.0, step: float = 0.2) -> list[Mesh]:
     """Return convex hulls that cover the swept volume of a mesh between the limits of its joint.
 
-    A turn is covered in steps of at most `step` [rad], each by the hull of its two ends and of where their tangents meet:
-    the arc between lies inside.
-
     Args:
         mesh: the moving mesh.
         joint: its joint.
         clearance: margin around the swept volume [m].
         step: angle of one section [rad].
     """
+    covers = [hull(grown(points, clearance)) for points in sections(mesh, joint, step)]
+    return [cover for cover in covers if cover is not None]
+
+
+def sections(mesh: Mesh, joint: Joint, step: float) -> list[np.ndarray]:
+    """Return points [point 3] whose hulls cover the swept volume of a mesh between the limits of its joint, in turn.
+
+    A turn is covered in steps of at most `step` [rad], each by the hull of its two ends and of where their tangents meet:
+    the arc between lies inside.
+    """
     lower, upper = joint.limits
     count = 1 if joint.kind == "prismatic" else max(1, int(np.ceil((upper - lower) / step)))
     whole = hull(mesh.vertices)
     if whole is None:
         return []
-    stops = np.linspace(lower, upper, count + 1)
-    covers = [hull(grown(_cover(whole.vertices, joint, a, b), clearance)) for a, b in pairwise(stops)]
-    return [cover for cover in covers if cover is not None]
+    return [_cover(whole.vertices, joint, a, b) for a, b in pairwise(np.linspace(lower, upper, count + 1))]
 
 
 def _cover(points: np.ndarray, joint: Joint, start: float, end: float) -> np.ndarray:

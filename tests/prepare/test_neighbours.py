@@ -1,0 +1,98 @@
+"""RestingRoom' colliders: how deep they overlap along a path, trimmed apart, and which pairs stay filtered."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from settings import load
+
+from s2a.prepare.neighbours import filtered_pairs, trim_apart
+from s2a.prepare.room import PrepareConfig
+from s2a.scene.geometry.convex import box, volume
+from s2a.scene.scene import Joint
+from s2a.scene.usd.sim_scene import Collider, Mass, SimBody
+from s2a.sim.contacts import Engine, RestingRoom, mujoco_depths, newton_depths
+
+CONFIG = load(PrepareConfig, "prepare/handle").room
+OUT = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.3))
+HINGE = Joint("revolute", (0.0, 0.0, 1.0), (0.01, -0.2, 0.0), (0.0, 1.5))  # at an outer edge of the lowest front
+
+
+def body(name: str, *boxes: tuple[tuple[float, float, float], tuple[float, float, float]]) -> SimBody:
+    """Return a body of boxes: centre and size [m]; the second is its handle."""
+    meshes = [box(np.array(center), np.eye(3), np.array(size)) for center, size in boxes]
+    parts = [name, "handle"][: len(meshes)]
+    colliders = tuple(Collider(part, mesh) for part, mesh in zip(parts, meshes, strict=True))
+    return SimBody(name, meshes[0], colliders, Mass(5.0, (0.0, 0.0, 0.1), (0.1, 0.1, 0.1)))
+
+
+def front(name: str, low: float) -> SimBody:
+    """Return a front of 0.4 x 0.2 m that begins at a height [m], and its handle of 6 cm, 3 cm before it."""
+    return body(name, ((0.0, 0.0, low + 0.1), (0.02, 0.4, 0.2)), ((0.04, 0.0, low + 0.1), (0.01, 0.06, 0.01)))
+
+
+def drawers(gap: float, joint: Joint = OUT) -> RestingRoom:
+    """Return two fronts, one above the other, that stand this far apart [m]."""
+    bodies = {"drawer_1": front("drawer_1", 0.0), "drawer_2": front("drawer_2", 0.2 + gap)}
+    return RestingRoom(bodies, dict.fromkeys(bodies, joint), dict.fromkeys(bodies, "cabinet"))
+
+
+def trimmed(room: RestingRoom, *handles: str) -> dict[str, SimBody]:
+    """Return the bodies of a room, trimmed apart."""
+    return trim_apart(room.bodies, room.joints, room.parents, dict.fromkeys(room.joints, handles), CONFIG)
+
+
+def pairs_of(room: RestingRoom) -> dict[str, dict[str, float]]:
+    """Return the filtered pairs of a room, with their depths [m]."""
+    moving = {i: room.bodies[i] for i in room.joints}
+    return filtered_pairs(moving, {i: body for i, body in room.bodies.items() if i not in moving}, room.joints)
+
+
+@pytest.mark.parametrize("engine", [mujoco_depths, newton_depths])
+def test_a_planted_overlap_is_found_in_both_engines_and_trimmed(engine: Engine) -> None:
+    # The fronts overlap by 13 mm; a post of the cabinet stands 12 mm in the lower one's side and a bar 5 cm before it.
+    room = drawers(-0.013)
+    post, bar = ((0.0, 0.208, 0.1), (0.05, 0.04, 0.2)), ((0.1, 0.15, 0.05), (0.02, 0.02, 0.02))
+    room = replace(room, bodies={**room.bodies, "cabinet": body("cabinet", post, bar)})
+    found = room.overlaps("drawer_1", engine)
+    assert found["drawer_2"].rest == pytest.approx(0.013, abs=1e-4)
+    assert found["cabinet"].rest == pytest.approx(0.012, abs=1e-4)
+    assert found["cabinet"].travel > 0.014 and 0.08 < found["cabinet"].q < 0.12
+    apart = replace(room, bodies=trimmed(room, "handle"))
+    assert all(apart.overlaps(part, engine) == {} for part in room.joints)
+    assert pairs_of(apart) == {"drawer_1": {}, "drawer_2": {}}
+    for part in room.joints:
+        (was, handle), (now, same) = (each.bodies[part].colliders for each in (room, apart))
+        assert same is handle and volume(now.mesh) > 0.95 * volume(was.mesh)
+
+
+def test_a_frame_gets_a_rebate_in_which_a_door_turns() -> None:
+    # The door's inner edge turns past its hinge into the frame, 20 mm thick as the door is.
+    room = drawers(0.1, HINGE)
+    frame = body("frame", ((0.0, -0.23, 0.1), (0.02, 0.06, 0.2)))
+    room = replace(room, bodies={**room.bodies, "frame": frame}, parents=dict.fromkeys(room.joints, "frame"))
+    assert room.overlaps("drawer_1")["frame"].travel > 0.005
+    apart = replace(room, bodies=trimmed(room))
+    assert apart.overlaps("drawer_1") == {}
+    assert apart.bodies["drawer_1"] == room.bodies["drawer_1"]
+    assert 0.4 < sum(volume(c.mesh) for c in apart.bodies["frame"].colliders) / volume(frame.visual) < 1.0
+
+
+def test_a_real_collision_keeps_both_whole_and_its_filter() -> None:
+    # Something that moves too stands in the middle of the path.
+    room = drawers(0.5)
+    room = replace(room, bodies={**room.bodies, "drawer_2": body("drawer_2", ((0.2, 0.0, 0.1), (0.02, 0.1, 0.1)))})
+    assert trimmed(room) == room.bodies
+    assert list(pairs_of(room)["drawer_1"]) == ["drawer_2"]
+
+
+@pytest.mark.parametrize(("gap", "filtered"), [(-1e-3, True), (0.0, True), (1e-4, True), (1e-3, False)])
+def test_fronts_that_overlap_or_touch_are_filtered(gap: float, filtered: bool) -> None:
+    room = drawers(gap)
+    pairs = pairs_of(room)
+    assert [list(others) for others in pairs.values()] == ([["drawer_2"], ["drawer_1"]] if filtered else [[], []])
+    # the radius of the largest ball in the overlap
+    depths = [depth for others in pairs.values() for depth in others.values()]
+    assert depths == pytest.approx([max(0.0, -gap / 2)] * len(depths), abs=2e-5)

@@ -2,10 +2,11 @@
 
     python experiments/overlaps.py GEOMETRIC_USD ... [--simcheck COMMAND] [--jobs 1] [--out FILE]
 
-Prepares every room twice, without and with `s2a.prepare.neighbours.trim_apart`, and measures each articulated part against
-all other bodies and the static room: MuJoCo's depth of convex hulls and Newton's contacts, at 33 coordinates and more of each
+Prepares every room, and measures before and after `s2a.prepare.neighbours.trim_apart` each articulated part against all other
+bodies and the static room: MuJoCo's depth of convex hulls along the whole path, and Newton's contacts at 33 coordinates of each
 joint, no pair left out. A room's row says, before and after: the largest overlap at rest and anywhere in a range [mm], pairs
-above 1 mm at rest or 2 mm in the range, hulls of all bodies; and how many hulls of grasp regions the trim changed, of how many.
+above 1 mm at rest or 2 mm in the range, hulls of all bodies; the processor time of the trim; how many hulls of grasp regions it
+changed, of how many; and the largest fraction of its hulls' volume that a part, and furniture, lost.
 
 --simcheck names the program of that name (PyPI): the room is then converted to MJCF without its excludes and to URDF without
 its SRDF, and what it finds after the trim is counted by check. Renews the rows of these rooms in the result file.
@@ -24,8 +25,10 @@ import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -34,8 +37,10 @@ import warp as wp
 from s2a.certify.convert import ConvertSettings, convert
 from s2a.core import config
 from s2a.core.provenance import provenance
+from s2a.prepare.neighbours import trim_apart
 from s2a.prepare.part import ALL
 from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scene.geometry.convex import volume
 from s2a.scene.usd import geometric, sim_stage
 from s2a.scene.usd.sim_scene import SimBody, SimRoom
 from s2a.sim.contacts import RestingRoom, newton_depths
@@ -68,23 +73,41 @@ def measure(stage: Path, simcheck: str | None) -> dict:
     """Return the row of one room."""
     logging.disable(logging.WARNING)
     wp.config.quiet = True
+    before, after, seconds = prepared(stage)
+    row = compared(before, after) | {"room": stage.parent.name, **seconds}
+    return row | ({"simcheck": findings(after, simcheck)} if simcheck else {})
+
+
+def prepared(stage: Path) -> tuple[SimRoom, SimRoom, dict[str, float]]:
+    """Return a room before and after the trim, and the processor time of all of the preparation and of the trim [s]."""
     scene, settings = geometric.read(stage), config.load(PrepareConfig, config.compose("prepare/handle", [])["prepare"])
-    with mock.patch("s2a.prepare.room.trim_apart", lambda bodies, *_: dict(bodies)):
-        before = prepare(scene, ALL, settings)
+    untrimmed: dict[str, SimBody] = {}
+    seconds = {}
+
+    def trimmed(bodies: Mapping[str, SimBody], *arguments: Any) -> dict[str, SimBody]:
+        untrimmed.update(bodies)
+        start = time.process_time()
+        apart = trim_apart(bodies, *arguments)
+        seconds["trim_s"] = round(time.process_time() - start, 1)
+        return apart
+
     start = time.process_time()
-    after = prepare(scene, ALL, settings)
-    row = {
-        "room": stage.parent.name,
-        "parts": len(after.articulations),
-        "prepare_s": round(time.process_time() - start, 1),
-    }
-    for name, room in (("before", before), ("after", after)):
-        row[name] = overlaps(room)
-    if simcheck:
-        row["simcheck"] = findings(after, simcheck)
-    handles = {i: set(scene.grasp_parts(i)) - {i} for i in after.articulations}
+    with mock.patch("s2a.prepare.room.trim_apart", trimmed):
+        after = prepare(scene, ALL, settings)
+    return replace(after, bodies=untrimmed), after, {"prepare_s": round(time.process_time() - start, 1), **seconds}
+
+
+def compared(before: SimRoom, after: SimRoom) -> dict:
+    """Return what the trim changed of a room."""
+    row: dict = {"parts": len(after.articulations), "before": overlaps(before), "after": overlaps(after)}
+    handles = {i: {c.part for c in after.bodies[i].colliders} - {i} for i in after.articulations}
     was, now = (grasp_hulls(room.bodies, handles) for room in (before, after))
-    return row | {"handle_hulls": sum(was.values()), "handle_hulls_changed": (was - now).total()}
+    row |= {"handle_hulls": sum(was.values()), "handle_hulls_changed": (was - now).total()}
+    full = {i: body for i, body in before.bodies.items() if body.colliders}
+    lost = {i: 1.0 - volume_of(after.bodies[i]) / volume_of(body) for i, body in full.items()}
+    for name, ids in (("part_lost", after.articulations), ("furniture_lost", after.fixed)):
+        row[name] = round(max([lost[i] for i in ids if i in lost], default=0.0), 3)
+    return row
 
 
 def overlaps(room: SimRoom) -> dict:
@@ -107,6 +130,11 @@ def overlaps(room: SimRoom) -> dict:
                 for pair, each in sorted(above.items(), key=lambda item: -item[1].travel)[:5]
             ]
     return result
+
+
+def volume_of(body: SimBody) -> float:
+    """Return the volume of a body's hulls [m^3]."""
+    return sum(volume(collider.mesh) for collider in body.colliders)
 
 
 def grasp_hulls(bodies: Mapping[str, SimBody], handles: Mapping[str, set[str]]) -> Counter:
@@ -157,7 +185,8 @@ def summary(rows: list[dict]) -> dict:
         result[when] |= {key: sum(row[when][key] for row in rows) for key in ("pairs", "hulls")}
         result[when]["rooms_with_pairs"] = sum(row[when]["pairs"] > 0 for row in rows)
     changed = {key: sum(row[key] for row in rows) for key in ("handle_hulls", "handle_hulls_changed")}
-    return result | changed
+    largest = {key: max(row[key] for row in rows) for key in ("trim_s", "part_lost", "furniture_lost")}
+    return result | changed | largest
 
 
 if __name__ == "__main__":

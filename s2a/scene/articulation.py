@@ -5,6 +5,7 @@ coordinates. The farther limit from zero is the open one, since a scan's zero is
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -74,3 +75,11 @@ def pose_at(joint: Joint, pose: np.ndarray, q: float) -> np.ndarray:
     u, s = math.sin(q / 2) * np.array(joint.axis), math.cos(q / 2)
     v, w = pose[3:6], pose[6]
     return np.concatenate([point, s * v + w * u + np.cross(u, v), [s * w - u @ v]])
+
+
+def carried(part: str, parents: Mapping[str, str]) -> list[str]:
+    """Return a part and those that move with it, by the body that each part moves against."""
+    group = [part]
+    for body in group:
+        group += [child for child, parent in parents.items() if parent == body]
+    return group

@@ -6,6 +6,7 @@ The gripper's pads are the fingers' links. A contact belongs to where it lies, w
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import mujoco
 import mujoco_warp
@@ -14,7 +15,7 @@ import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
-from s2a.scene.articulation import transform
+from s2a.scene.articulation import carried, lever_arm, transform
 from s2a.scene.geometry.convex import sections
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd.sim_scene import Collider, SimBody
@@ -161,21 +162,27 @@ def _owners(sim: Simulation) -> np.ndarray:
 
 
 STATIC = "static"  # Id of the static room
-POSES = 33  # Coordinates of a joint at which overlaps are measured, closer to each other near the scanned pose
-REACH_STEP = 0.1  # [rad] Section of a turn whose bounds tell which hulls it may meet
+POSES = 33  # Coordinates between the limits of a joint at which Newton measures overlaps
+SECTION = 0.1  # [rad] of a turn whose bounds tell which hulls it may meet
+STRIDE = (
+    1e-3  # [m] Path of a point between two depths that MuJoCo measures: none between is deeper by more than half of it
+)
+CONTACTS = 8  # of a pair of convex hulls in Newton at most
+FAR = 1.0  # [m] Gap above which no distance is sought
 
-# Hulls that move, hulls that stay, poses of the first [pose 4 4], and the gap [m] up to which pairs are reported ->
-# of each pose the pairs by index, with their depth [m], negative where there is a gap
-Engine = Callable[[Sequence[Mesh], Sequence[Mesh], np.ndarray, float], Iterator[list[tuple[int, int, float]]]]
+# Hulls that move, hulls that stay, their joint, and pairs that may meet, each with two coordinates between which they may ->
+# index of a hull that stays, coordinate, and depth there [m]
+Meeting = tuple[int, int, float, float]
+Engine = Callable[[Sequence[Mesh], Sequence[Mesh], Joint, Sequence[Meeting]], Iterator[tuple[int, float, float]]]
 
 
 @dataclass(frozen=True)
 class OverlapDepth:
     """Deepest overlap of an articulated part and another body that stands at its scanned pose, no pair filtered."""
 
-    rest: float  # at the scanned pose [m]; negative: a gap
-    travel: float  # anywhere between the joint's limits [m]
-    q: float  # the coordinate of that [m] or [rad]
+    rest: float = 0.0  # at the scanned pose [m]
+    travel: float = 0.0  # anywhere between the joint's limits [m]
+    q: float = 0.0  # the coordinate of that [m] or [rad]
 
 
 @dataclass(frozen=True)
@@ -194,106 +201,126 @@ class RestingRoom:
     parents: Mapping[str, str]
     static: Sequence[Collider] = field(default=(), repr=False)
 
-    def carried(self, part: str) -> list[str]:
-        """Return a part and those that move with it."""
-        group = [part]
-        for body in group:
-            group += [child for child, parent in self.parents.items() if parent == body]
-        return group
-
-    def overlaps(self, part: str, engine: Engine | None = None, within: float = 0.0) -> dict[str, OverlapDepth]:
+    def overlaps(self, part: str, engine: Engine | None = None) -> dict[str, OverlapDepth]:
         """Return how deep a part, and what it carries, overlaps other bodies, by their ids; of STATIC all that does not move.
 
         Args:
             part: the articulated part; all others stand at their scanned poses.
             engine: measures depths; None: MuJoCo's exact depth of convex hulls.
-            within: gaps up to this are reported too [m].
         """
-        joint, group = self.joints[part], self.carried(part)
-        near, far = sorted(joint.limits, key=abs)
-        steps = np.linspace(0.0, 1.0, POSES) ** 2
-        stops = np.unique([0.0, *(far * steps), *(near * steps)])
-        poses = np.array([transform(joint, q) for q in stops])
+        joint, group = self.joints[part], carried(part, self.parents)
         moving = [c.mesh for body in group for c in self.bodies[body].colliders]
-        low, high = _reach(moving, joint) + [[-within], [within]]
         others = {i: body.colliders for i, body in self.bodies.items() if i not in group} | {STATIC: self.static}
         pool = [(i, c.mesh) for i, colliders in others.items() for c in colliders]
-        pool = [each for each in pool if (each[1].bounds[0] < high).all() and (each[1].bounds[1] > low).all()]
+        meetings = _meetings(moving, [mesh for _, mesh in pool], joint)
         result: dict[str, OverlapDepth] = {}
-        if not moving or not pool:
-            return result
-        depths = (engine or mujoco_depths)(moving, [mesh for _, mesh in pool], poses, within)
-        for q, pairs in zip(stops.tolist(), depths, strict=True):
-            for _, other, depth in pairs:
-                last = result.get(pool[other][0], OverlapDepth(-np.inf, -np.inf, q))
-                rest = max(last.rest, depth) if q == 0.0 else last.rest
-                deeper = depth > last.travel
-                result[pool[other][0]] = OverlapDepth(rest, *((depth, q) if deeper else (last.travel, last.q)))
+        for other, q, depth in (engine or mujoco_depths)(moving, [mesh for _, mesh in pool], joint, meetings):
+            last = result.get(pool[other][0], OverlapDepth())
+            rest = max(last.rest, depth) if q == 0.0 else last.rest
+            result[pool[other][0]] = OverlapDepth(rest, *max((last.travel, last.q), (depth, q)))
         return result
 
 
+def _meetings(moving: Sequence[Mesh], others: Sequence[Mesh], joint: Joint) -> list[Meeting]:
+    """Return the pairs of hulls whose bounds overlap in a section of the path, with the limits of the section."""
+    boxes = np.array([mesh.bounds for mesh in others]).reshape(-1, 2, 3)
+    meetings: list[Meeting] = []
+    for i, mesh in enumerate(moving):
+        points = sections(mesh, joint, SECTION)
+        stops = np.linspace(*joint.limits, len(points) + 1).tolist()
+        for each, (start, end) in zip(points, pairwise(stops), strict=True):
+            meet = ((each.min(axis=0) < boxes[:, 1]) & (boxes[:, 0] < each.max(axis=0))).all(axis=1)
+            meetings += [(i, j, start, end) for j in np.flatnonzero(meet).tolist()]
+    return meetings
+
+
 def mujoco_depths(
-    moving: Sequence[Mesh], others: Sequence[Mesh], poses: np.ndarray, within: float
-) -> Iterator[list[tuple[int, int, float]]]:
-    """Yield the pairs of convex hulls that are nearer than a gap, by MuJoCo's distance of convex bodies (an `Engine`)."""
+    moving: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, meetings: Sequence[Meeting]
+) -> Iterator[tuple[int, float, float]]:
+    """Yield depths of convex hulls by MuJoCo's distance, STRIDE apart, farther where a gap allows (an `Engine`)."""
+    ours, theirs = (sorted({each[k] for each in meetings}) for k in range(2))
     spec = mujoco.MjSpec()
-    body = spec.worldbody.add_body(name="part", mocap=True)
-    for k, mesh in enumerate((*moving, *others)):
-        asset = spec.add_mesh(name=str(k))
+    for name, mesh in [*((f"m{i}", moving[i]) for i in ours), *((f"o{j}", others[j]) for j in theirs)]:
+        asset = spec.add_mesh(name=name)
         asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         asset.uservert, asset.userface = mesh.vertices.astype(np.float64).ravel(), mesh.faces.ravel()
-        owner = body if k < len(moving) else spec.worldbody
-        owner.add_geom(name=str(k), type=mujoco.mjtGeom.mjGEOM_MESH, meshname=str(k))
+        spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
     model = spec.compile()
     data = mujoco.MjData(model)
-    geoms = np.array([model.geom(str(k)).id for k in range(len(moving) + len(others))])
-    mine, theirs = geoms[: len(moving)], geoms[len(moving) :]
-    reach = model.geom_rbound[mine][:, None] + model.geom_rbound[theirs] + within
-    for pose in poses:
-        data.mocap_pos[0], data.mocap_quat[0] = pose[:3, 3], np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
-        mujoco.mj_kinematics(model, data)
-        apart = np.linalg.norm(data.geom_xpos[mine][:, None] - data.geom_xpos[theirs], axis=2)
-        pairs = []
-        for i, j in np.argwhere(apart < reach).tolist():
-            depth = -mujoco.mj_geomDistance(model, data, int(mine[i]), int(theirs[j]), max(within, 1e-6), None)
-            if depth > -max(within, 1e-9):
-                pairs.append((i, j, depth))
-        yield pairs
+    mujoco.mj_kinematics(model, data)
+    places, frames = data.geom_xpos.copy(), data.geom_xmat.copy().reshape(-1, 3, 3)
+
+    def gap(a: int, b: int, q: float) -> float:
+        moved = transform(joint, q)
+        data.geom_xpos[a] = moved[:3, :3] @ places[a] + moved[:3, 3]
+        data.geom_xmat[a] = (moved[:3, :3] @ frames[a]).ravel()
+        return float(mujoco.mj_geomDistance(model, data, a, b, FAR, None))
+
+    for i, j, start, end in meetings:
+        a, b = model.geom(f"m{i}").id, model.geom(f"o{j}").id
+        speed = max(lever_arm(joint, point) for point in moving[i].vertices)
+        deepest, q = 0.0, start
+        if start <= 0.0 <= end and (depth := -gap(a, b, 0.0)) > 0.0:
+            yield j, 0.0, depth
+        while speed > 0.0:
+            apart = gap(a, b, q)
+            if -apart > deepest:
+                deepest = -apart
+                yield j, q, deepest
+            if q >= end:
+                break
+            q = min(end, q + max(STRIDE, apart + deepest) / speed)
 
 
 def newton_depths(
-    moving: Sequence[Mesh], others: Sequence[Mesh], poses: np.ndarray, within: float
-) -> Iterator[list[tuple[int, int, float]]]:
-    """Yield the pairs of convex hulls that are nearer than a gap [m], by Newton's own contacts (an `Engine`)."""
+    moving: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, meetings: Sequence[Meeting]
+) -> Iterator[tuple[int, float, float]]:
+    """Yield depths of convex hulls by Newton's own contacts, at POSES coordinates at once (an `Engine`)."""
+    ours, theirs = (sorted({each[k] for each in meetings}) for k in range(2))
+    if not meetings:
+        return
+    stops = np.unique([0.0, *np.linspace(*joint.limits, POSES)])
+    poses = np.array([transform(joint, q) for q in stops])
     with wp.ScopedDevice("cpu"):
         builder = newton.ModelBuilder()
-        builder.default_shape_cfg.margin, builder.default_shape_cfg.gap = 0.0, max(within, 1e-6)
-        body = builder.add_body()
-        for k, mesh in enumerate((*moving, *others)):
-            hull = newton.Mesh(mesh.vertices, mesh.faces.ravel(), compute_inertia=False)
-            builder.add_shape_convex_hull(body if k < len(moving) else -1, mesh=hull)
-        model = builder.finalize()
-        pipeline = newton.CollisionPipeline(model, broad_phase="explicit")
-        contacts, state = pipeline.contacts(), model.state()
-    for pose in poses:
-        state.body_q.assign([[*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat()]])
-        pipeline.collide(state, contacts)
-        count = int(contacts.rigid_contact_count.numpy()[0])
-        ends = [
-            [getattr(contacts, f"rigid_contact_{name}{k}").numpy()[:count] for k in range(2)]
-            for name in ("shape", "point")
+        cfg = builder.default_shape_cfg
+        cfg.margin, cfg.gap, cfg.density = 0.0, 1e-6, 0.0
+        shapes: dict[tuple[int, int], int] = {}
+        meshes = {i: newton.Mesh(moving[i].vertices, moving[i].faces.ravel(), compute_inertia=False) for i in ours}
+        for k, pose in enumerate(poses):
+            place = wp.transform(pose[:3, 3], Rotation.from_matrix(pose[:3, :3]).as_quat())
+            body = builder.add_body(xform=place, mass=1.0, inertia=wp.mat33(np.eye(3)))
+            shapes |= {(k, i): builder.add_shape_convex_hull(body, mesh=meshes[i]) for i in ours}
+        fixed = {}
+        for j in theirs:
+            mesh = newton.Mesh(others[j].vertices, others[j].faces.ravel(), compute_inertia=False)
+            fixed[builder.add_shape_convex_hull(-1, mesh=mesh)] = j
+        pairs = [
+            (shapes[k, i], shape)
+            for shape, j in fixed.items()
+            for i in {i for i, other, *_ in meetings if other == j}
+            for k in range(len(stops))
         ]
-        shapes, points = map(np.stack, ends)
-        points = np.where((shapes < len(moving))[..., None], points @ pose[:3, :3].T + pose[:3, 3], points)
-        depths = -((points[1] - points[0]) * contacts.rigid_contact_normal.numpy()[:count]).sum(axis=1)
-        pairs = zip(*np.sort(shapes, axis=0).tolist(), depths.tolist(), strict=True)
-        yield [(i, j - len(moving), depth) for i, j, depth in pairs if depth > -max(within, 1e-9)]
-
-
-def _reach(meshes: Sequence[Mesh], joint: Joint) -> np.ndarray:
-    """Return the lowest and highest corner of the paths of hulls [m], shape [2 3]."""
-    points = [points for mesh in meshes for points in sections(mesh, joint, REACH_STEP)]
-    low, high = (edge([edge(each, axis=0) for each in points], axis=0) for edge in (np.min, np.max)) if points else (
-        np.full(3, np.inf), np.full(3, -np.inf)
-    )  # fmt: skip
-    return np.stack([low, high])
+        model = builder.finalize()
+        pipeline = newton.CollisionPipeline(
+            model,
+            broad_phase="explicit",
+            shape_pairs_filtered=wp.array(pairs, dtype=wp.vec2i),
+            rigid_contact_max=CONTACTS * len(pairs),
+        )
+        contacts = pipeline.contacts()
+        pipeline.collide(model.state(), contacts)
+    count = int(contacts.rigid_contact_count.numpy()[0])
+    ends, points = (
+        np.stack([getattr(contacts, f"rigid_contact_{name}{k}").numpy()[:count] for k in range(2)])
+        for name in ("shape", "point")
+    )
+    which = np.full(model.shape_count, -1)  # pose of a hull that moves, by shape
+    which[[*shapes.values()]] = [k for k, _ in shapes]
+    k = which[ends]
+    turned = np.einsum("knij,knj->kni", poses[k, :3, :3], points) + poses[k, :3, 3]
+    first, second = np.where((k >= 0)[..., None], turned, points)
+    depths = ((first - second) * contacts.rigid_contact_normal.numpy()[:count]).sum(axis=1)
+    for shape, pose, depth in zip(np.where(k < 0, ends, 0).max(axis=0), k.max(axis=0), depths, strict=True):
+        if depth > 0.0:
+            yield fixed[int(shape)], float(stops[pose]), float(depth)

@@ -51,7 +51,7 @@ COMMANDS = {
     "identify": ["stage={inputs}/sim.usda", "pulls=[{inputs}/pull.csv]", "noise.force=0.{n}5", "out={out}/identified.usda"],
     "optimize": ["stage={inputs}/sim.usda", "pull.rounds=3", "pull.time=0.{n}5", "out={out}/law.json"],
     "convert": ["stage={inputs}/sim.usda", "out={out}/mjcf"],
-    "certify": ["stage={inputs}/sim.usda", "out={out}/validation", "stamp=false", "certify.motion.poses=4{n}"],
+    "certify": ["stage={inputs}/sim.usda", "out={out}/validation", "stamp=false", "certify.motion.rest_time=2.{n}"],
     "evaluate": ["stage={inputs}/sim.usda", "num_envs=2", "seed={n}", "out={out}/planner.json", "images={out}"],
     "train": [
         "stage={inputs}/sim.usda", "num_envs=8", "ppo.num_steps_per_env=8", "ppo.iterations=4", "ppo.save_interval=1",

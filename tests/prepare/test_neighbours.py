@@ -1,4 +1,4 @@
-"""RestingRoom' colliders: how deep they overlap along a path, trimmed apart, and which pairs stay filtered."""
+"""Colliders of neighbours: how deep they overlap along a path, trimmed apart, and which pairs stay filtered."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def drawers(gap: float, joint: Joint = OUT) -> RestingRoom:
     return RestingRoom(bodies, dict.fromkeys(bodies, joint), dict.fromkeys(bodies, "cabinet"))
 
 
-def trimmed(room: RestingRoom, *handles: str) -> dict[str, SimBody]:
+def trimmed(room: RestingRoom, *frozen: str) -> dict[str, SimBody]:
     """Return the bodies of a room, trimmed apart."""
-    return trim_apart(room.bodies, room.joints, room.parents, dict.fromkeys(room.joints, handles), CONFIG)
+    return trim_apart(room.bodies, room.joints, room.parents, dict.fromkeys(room.joints, ["handle"]), frozen, CONFIG)
 
 
 def pairs_of(room: RestingRoom) -> dict[str, dict[str, float]]:
@@ -60,7 +60,7 @@ def test_a_planted_overlap_is_found_in_both_engines_and_trimmed(engine: Engine) 
     assert found["drawer_2"].rest == pytest.approx(0.013, abs=1e-4)
     assert found["cabinet"].rest == pytest.approx(0.012, abs=1e-4)
     assert found["cabinet"].travel > 0.014 and 0.08 < found["cabinet"].q < 0.12
-    apart = replace(room, bodies=trimmed(room, "handle"))
+    apart = replace(room, bodies=trimmed(room))
     assert all(apart.overlaps(part, engine) == {} for part in room.joints)
     assert pairs_of(apart) == {"drawer_1": {}, "drawer_2": {}}
     for part in room.joints:
@@ -80,12 +80,33 @@ def test_a_frame_gets_a_rebate_in_which_a_door_turns() -> None:
     assert 0.4 < sum(volume(c.mesh) for c in apart.bodies["frame"].colliders) / volume(frame.visual) < 1.0
 
 
-def test_a_real_collision_keeps_both_whole_and_its_filter() -> None:
-    # Something that moves too stands in the middle of the path.
+@pytest.mark.parametrize(
+    ("center", "size"),
+    [
+        ((0.2, 0.0, 0.1), (0.02, 0.1, 0.1)),  # in the middle of the path: a hole in the front, or nothing of it left
+        ((0.04, 0.03, 0.1), (0.1, 0.06, 0.1)),  # half of the handle is in it
+        ((0.0, -0.15, 0.1), (0.1, 0.2, 0.2)),  # at rest, in more than a fifth of the front
+    ],
+)
+def test_a_real_collision_keeps_both_whole_and_its_filter(center: tuple, size: tuple) -> None:
     room = drawers(0.5)
-    room = replace(room, bodies={**room.bodies, "drawer_2": body("drawer_2", ((0.2, 0.0, 0.1), (0.02, 0.1, 0.1)))})
+    room = replace(room, bodies={**room.bodies, "drawer_2": body("drawer_2", (center, size))})
     assert trimmed(room) == room.bodies
     assert list(pairs_of(room)["drawer_1"]) == ["drawer_2"]
+    # one with the furniture, it is no more cut away than when it moves
+    frozen = replace(body("drawer_2", (center, size)), id="cabinet")
+    room = drawers(0.5)
+    room = replace(room, bodies={"drawer_1": room.bodies["drawer_1"], "cabinet": frozen}, joints={"drawer_1": OUT})
+    assert trimmed(room, "drawer_2") == room.bodies
+    assert trimmed(room) != room.bodies
+
+
+def test_what_is_thinner_than_a_step_is_found_late_on_a_path() -> None:
+    # a wire of 1 mm, shortly before the end of a slide of 0.3 m and of a turn of 1.5 rad
+    for joint, place in ((OUT, (0.29, 0.1, 0.1)), (HINGE, (-0.187, -0.166, 0.1))):
+        room = drawers(0.5, joint)
+        room = replace(room, bodies={**room.bodies, "wire": body("wire", (place, (0.001, 0.001, 0.1)))})
+        assert room.overlaps("drawer_1")["wire"].travel > 5e-4
 
 
 @pytest.mark.parametrize(("gap", "filtered"), [(-1e-3, True), (0.0, True), (1e-4, True), (1e-3, False)])

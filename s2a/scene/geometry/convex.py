@@ -45,10 +45,21 @@ def hull(points: np.ndarray, max_vertices: int | None = None, thickness: float =
 
 def halfspaces(piece: Mesh) -> np.ndarray:
     """Return a piece's planes as rows (nx, ny, nz, d), inside where n.x + d <= 0 [m], shape [plane 4]."""
-    planes: np.ndarray | None = vars(piece).get("hull_planes")
-    if planes is None:  # kept with the piece, as its bounds are: obstacles meet thousands of others
-        planes = vars(piece)["hull_planes"] = ConvexHull(piece.vertices.astype(np.float64)).equations
-    return planes
+    return _solid(piece)[0]
+
+
+def volume(piece: Mesh) -> float:
+    """Return the volume of a piece [m^3]."""
+    return _solid(piece)[1]
+
+
+def _solid(piece: Mesh) -> tuple[np.ndarray, float]:
+    """Return the planes [plane 4] and volume [m^3] of a piece."""
+    solid: tuple[np.ndarray, float] | None = vars(piece).get("solid")
+    if solid is None:  # kept with the piece, as its bounds are: obstacles meet thousands of others
+        convex_hull = ConvexHull(piece.vertices.astype(np.float64))
+        solid = vars(piece)["solid"] = (convex_hull.equations, float(convex_hull.volume))
+    return solid
 
 
 def contains(piece: Mesh, points: np.ndarray, margin: float = 0.0) -> np.ndarray:
@@ -140,11 +151,6 @@ def subtract(piece: Mesh, obstacle: Mesh, thinnest: float = 2 * FLAT) -> list[Me
             break
         rest = inside
     return outside
-
-
-def volume(piece: Mesh) -> float:
-    """Return the volume of a piece [m^3]."""
-    return float(ConvexHull(piece.vertices.astype(np.float64)).volume)
 
 
 def box(center: np.ndarray, axes: np.ndarray, size: np.ndarray) -> Mesh:

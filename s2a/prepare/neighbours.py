@@ -78,7 +78,7 @@ class _Hulls:
         """Return what paths leave of a hull, in so many pieces at most."""
         return cut_all(mesh, paths, count, self._config.min_volume, self._config.min_cut_volume)
 
-    def give_way(self, body: str, paths: Sequence[Mesh], firm: Collection[str]) -> None:
+    def recess(self, body: str, paths: Sequence[Mesh], firm: Collection[str]) -> None:
         """Cut paths out of a body that parts move against; of `firm` parts, only what they can bear."""
         before, config = list(self.bodies[body]), self._config
         for collider in before:
@@ -129,7 +129,7 @@ def trim_apart(
             boxes = hulls.boxes(other)
             moving = [collider.mesh for body in group for collider in hulls.bodies[body]]
             if paths := [path for mesh in moving for path in hulls.paths(mesh, joints[part], boxes)]:
-                hulls.give_way(other, paths, firm)
+                hulls.recess(other, paths, firm)
     return {i: replace(body, colliders=tuple(hulls.bodies[i])) for i, body in bodies.items()}
 
 

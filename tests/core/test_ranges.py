@@ -31,7 +31,7 @@ IMPOSSIBLE = {
     ],
     "certify": [
         ("certify.physics.dt", "0.0", "a number above 0"),
-        ("certify.motion.speed", "0.0", "a number above 0"),
+        ("certify.motion.rest_time", "0.0", "a number above 0"),
     ],
     "train": [
         ("num_envs", "0", "1 or more"),

@@ -238,7 +238,7 @@ def mujoco_depths(
     moving: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, meetings: Sequence[Meeting]
 ) -> Iterator[tuple[int, float, float]]:
     """Yield depths of convex hulls by MuJoCo's distance, STRIDE apart, farther where a gap allows (an `Engine`)."""
-    ours, theirs = (sorted({each[k] for each in meetings}) for k in range(2))
+    ours, theirs = sorted({i for i, *_ in meetings}), sorted({j for _, j, *_ in meetings})
     spec = mujoco.MjSpec()
     for name, mesh in [*((f"m{i}", moving[i]) for i in ours), *((f"o{j}", others[j]) for j in theirs)]:
         asset = spec.add_mesh(name=name)
@@ -276,7 +276,7 @@ def newton_depths(
     moving: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, meetings: Sequence[Meeting]
 ) -> Iterator[tuple[int, float, float]]:
     """Yield depths of convex hulls by Newton's own contacts, at POSES coordinates at once (an `Engine`)."""
-    ours, theirs = (sorted({each[k] for each in meetings}) for k in range(2))
+    ours, theirs = sorted({i for i, *_ in meetings}), sorted({j for _, j, *_ in meetings})
     if not meetings:
         return
     stops = np.unique([0.0, *np.linspace(*joint.limits, POSES)])

@@ -46,10 +46,11 @@ AHEAD = 0.09  # [m] A handle stands out by less
 WALL = 0.1  # [m] The sides of an open compartment stand out of its back by more, a door's frame by less
 BACKGROUND = 0.13  # [m] A handle is narrower than half of this
 CONNECTED = 0.02  # [m] Cells in which points lie beside each other
-# [m] A framed door's panel lies deeper than its stiles and rails by more, also where a mesh has smeared it; width and height of
-# a panel at least, and of what is no panel any more. Kitchens' doors are up to 0.6 m wide
-DEEPER, PANEL, FRAMED = 0.003, (0.08, 0.12), (0.5, 1.2)
+# [m] A framed door's panel lies deeper than its stiles and rails by more, also where a mesh has smeared it, and by the others
+# where panels of a rough mesh hang together; width and height of a panel at least, and of none. Doors are up to 0.6 m wide
+DEEPER, PANEL, FRAMED = (0.003, 0.0045, 0.006), (0.08, 0.12), (0.5, 1.2)
 FILLED = 0.6  # Fraction of its rectangle that a panel fills, at least
+LONG = 0.1  # By which each door beyond two makes a row surer: five alike are no chance
 # [m] Two stiles between the panels of a row: one is 5 to 9 cm wide; and how much panels of a row are alike, at least: the height
 # that they share, and their widths
 STILES, ALIKE = (0.03, 0.25), (0.75, 0.5)
@@ -248,7 +249,7 @@ def framed_rows(layer: Layer) -> Iterator[tuple[np.ndarray, float]]:
 
     A door's panel is a rectangle that lies deeper than the stiles and rails around it. Two doors meet in the middle between their
     panels, and the sides of a row are as far from its panels. One alone is no evidence: an oven's window, a picture. Sure is what
-    panels fill of their rectangles.
+    panels fill of their rectangles, and LONG more for each door beyond two: from 1 on, a row needs no other evidence.
     """
     seen = ~np.isnan(layer.height)
     solid = ndimage.binary_closing(np.pad(seen, 3), np.ones((5, 5)))[3:-3, 3:-3]
@@ -256,18 +257,23 @@ def framed_rows(layer: Layer) -> Iterator[tuple[np.ndarray, float]]:
     height = np.where(solid, height / np.maximum(weight, 1e-6), -1.0)  # what is beyond the plane does not stand out
     wide, high = (int(round(size / layer.cell)) for size in FRAMED)
     around = np.minimum(ndimage.grey_closing(height, (1, wide)), ndimage.grey_closing(height, (high, 1)))
-    labels, _ = ndimage.label(ndimage.binary_opening(solid & (around - height > DEEPER), np.ones((5, 5))))
-    panels = []
-    for number, (rows, columns) in enumerate(ndimage.find_objects(labels), 1):
-        size = np.array([columns.stop - columns.start, rows.stop - rows.start])
-        filled = float((labels[rows, columns] == number).mean())
-        if (size * layer.cell >= PANEL).all() and filled >= FILLED:
-            panels.append(np.array([columns.start, rows.start, columns.stop, rows.stop, filled]))
-    panels.sort(key=lambda panel: float(panel[0]))
+    for deeper in DEEPER:
+        labels, _ = ndimage.label(ndimage.binary_opening(solid & (around - height > deeper), np.ones((5, 5))))
+        panels = []
+        for number, (rows, columns) in enumerate(ndimage.find_objects(labels), 1):
+            size = np.array([columns.stop - columns.start, rows.stop - rows.start])
+            filled = float((labels[rows, columns] == number).mean())
+            if (size * layer.cell >= PANEL).all() and filled >= FILLED:
+                panels.append(np.array([columns.start, rows.start, columns.stop, rows.stop, filled]))
+        yield from _rows(sorted(panels, key=lambda panel: float(panel[0])), layer.cell)
+
+
+def _rows(panels: list[np.ndarray], cell: float) -> Iterator[tuple[np.ndarray, float]]:
+    """Yield the doors of each row of panels (left, bottom, right, top [cell], fraction filled), sorted; as `framed_rows` does."""
     while panels:
         row = [panels.pop(0)]
         for panel in panels:
-            if _next(row[-1], panel, layer.cell):
+            if _next(row[-1], panel, cell):
                 row.append(panel)
         panels = [panel for panel in panels if not any(panel is one for one in row)]
         if len(row) > 1:
@@ -275,7 +281,10 @@ def framed_rows(layer: Layer) -> Iterator[tuple[np.ndarray, float]]:
             stile = float(np.median(left[1:] - right[:-1])) / 2
             sides = np.array([left[0] - stile, *(left[1:] + right[:-1]) / 2, right[-1] + stile])
             ends = np.full((2, len(row)), [[np.median(bottom) - stile], [np.median(top) + stile]])
-            yield np.stack([sides[:-1], ends[0], sides[1:], ends[1]], axis=1), float(filled.mean())
+            yield (
+                np.stack([sides[:-1], ends[0], sides[1:], ends[1]], axis=1),
+                float(filled.mean()) + LONG * (len(row) - 2),
+            )
 
 
 def _next(one: np.ndarray, other: np.ndarray, cell: float) -> bool:

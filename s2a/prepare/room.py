@@ -31,7 +31,6 @@ from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider,
 
 ROBOTS = ""  # Stands for the owner of the places where robots stand, beside ids of objects
 UNEVEN = 0.01  # [m] A scanned floor may rise by so much under a robot's base
-BESIDE = 0.1  # [m] From a handle, within which furniture stands that it may belong to
 # Note of a room without articulated parts
 NO_JOINTS = "nothing moves: the scan has no joints; `s2a annotate` adds drawers and doors"
 GRAVITY = 9.81  # [m/s^2]
@@ -168,7 +167,7 @@ def prepare(
     taken = {i for item in extracted for i in item.members}
     static = [i for i, owner in owners.items() if owner is None and i not in taken]
     around = [hull for group in obstacles.values() for hull in group]
-    hulls = still.colliders(static, _around_loose(scene, results, static))
+    hulls = still.colliders(static)
     colliders, trimmed = cut_out(below_tops(hulls, tops, config.room), around, config.room)
     visual = still.visual(static)
     return SimRoom(
@@ -186,13 +185,6 @@ def prepare(
         static_face_part=visual.face_part,
         reductions=visual.reductions,
     )
-
-
-def _around_loose(scene: Scene, results: Mapping[str, PartResult], static: Sequence[str]) -> set[str]:
-    """Return the static parts whose box, BESIDE larger, holds the grasp of an articulated part that belongs to no furniture."""
-    points = [np.array(r.target.grasp.point) for part, r in results.items() if scene.root(part) == part]
-    boxes = {i: scene.parts[i].mesh.bounds + [[-BESIDE], [BESIDE]] for i in static if len(scene.parts[i].mesh.faces)}
-    return {i for i, (low, high) in boxes.items() if any(((low <= p) & (p <= high)).all() for p in points)}
 
 
 def _notes(scene: Scene, fixed: Mapping[str, SimBody], trimmed: Sequence[str]) -> tuple[str, ...]:

@@ -1,15 +1,16 @@
 """Convex hulls of the static room, the flat tops of its supports, and its visible surfaces."""
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from itertools import count
 from typing import Annotated
 
 import numpy as np
 import trimesh
 
 from s2a.core.bounds import AtLeast, Count, CountFromZero, Fraction, NotNegative, Positive
-from s2a.core.cache import Arrays, recall
+from s2a.core.cache import recall
 from s2a.core.progress import track
 from s2a.prepare.grasp import bodies
 from s2a.scene.geometry.convex import (
@@ -29,7 +30,7 @@ from s2a.scene.geometry.mesh_ops import centroids, keep, normals, sample_with_fa
 from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
 from s2a.scene.geometry.planes import TILT, Plane, find_planes, slabs
 from s2a.scene.geometry.simplify import STRUCTURE_LABELS, DecimateConfig, Decimated, decimate_room, is_structure
-from s2a.scene.scene import UNANNOTATED, Mesh, Part, Scene, pack, unpack
+from s2a.scene.scene import Mesh, Part, Scene, pack, unpack
 from s2a.scene.usd.sim_scene import Collider
 
 GRID = 5  # Points along each side of an object's outline below which a top is looked for
@@ -107,11 +108,11 @@ def _median(values: np.ndarray, weights: np.ndarray) -> float:
     return float(values[order][np.searchsorted(total, total[-1] / 2)])
 
 
-LARGE = 2.0  # [m] Diagonal from which a surface that nobody annotated is a room's, not that of a piece of furniture
-# [m] How far a sheet's hull may be off the surface across its faces, and along them: smaller holes are filled. And
-# over which fraction of it
-OFF, HOLE, NEARLY = 0.02, 0.08, 0.95
+# [m] How far a hull may be off the surface across its faces, and along them: smaller holes are filled. And over which
+# fraction of it
+OFF, HOLE, NEARLY = 0.02, 0.03, 0.95
 SMALLEST, FRAGMENT = 0.15, 0.004  # Size of what is not split further [m], and area of what is left out [m^2]
+SPACING = 0.06  # [m] Of the points by which a hull is compared with a surface
 MIXED = 0.1  # Fraction of level faces, and of others, from which a piece is split into both
 COHERENT = 0.8  # Length of the mean normal from which a piece has a side behind it
 DOWN = -0.7  # Vertical component of the normal below which nothing stands on a hull's face, or passes it from above
@@ -128,9 +129,8 @@ class RoomConfig:
     """
 
     part_hulls: Count = 6  # largest number of hulls of one part
-    # the same of one around a moving part of no furniture: furniture that is not annotated as that. With 6 the
-    # hulls of a desk of 1.4 m fill the air 0.38 m before its drawers
-    furniture_hulls: Count = 24
+    # the same where those fill air, and hulls that follow the surface replace them; a flat of 100 m^2 has 1600
+    surface_hulls: Count = 2000
     min_decomposed_size: NotNegative = 0.4  # parts whose bounding box has a shorter diagonal [m] become one hull
     resolution: Count
     max_vertices: Annotated[int, AtLeast(4)] = 32  # largest number of vertices of a hull
@@ -157,27 +157,8 @@ class RoomConfig:
 def part_hulls(part: Part, config: RoomConfig) -> tuple[Collider, ...]:
     """Return the convex hulls of a part of the static room, from the cache where they were made before; part "" owns them."""
     structure = is_structure(part.label, config.structure_labels)
-    # What nobody annotated is many things: a hull over two of them fills the air between.
-    things, unknown = [part.mesh], part.label == UNANNOTATED
-    if unknown and len(part.mesh.faces):
-        piece = components(welded := weld(part.mesh))
-        things = [keep(welded, piece == i) for i in range(piece.max() + 1)]
-    hulls = [
-        hull
-        for mesh in things
-        for hull in unpack(
-            recall(
-                "room",
-                [mesh, repr((structure, unknown, config))],
-                partial(_packed_hulls, mesh, structure, unknown, config),
-            )
-        )
-    ]
-    return tuple(Collider("", hull, structure) for hull in hulls)
-
-
-def _packed_hulls(mesh: Mesh, structure: bool, unknown: bool, config: RoomConfig) -> Arrays:
-    return pack(_hulls(mesh, structure, unknown, config))
+    hulls = recall("room", [part.mesh, repr((structure, config))], lambda: pack(_hulls(part.mesh, structure, config)))
+    return tuple(Collider("", each, structure) for each in unpack(hulls))
 
 
 def cut_out(
@@ -239,50 +220,73 @@ def _layers(hull: Mesh, obstacles: Sequence[Mesh]) -> list[Mesh]:
     return pieces
 
 
-def _hulls(mesh: Mesh, structure: bool, unknown: bool, config: RoomConfig) -> list[Mesh]:
-    """Return thin boxes for a wall, sheets for a whole room of which nothing is known, hulls for anything else."""
-    if not structure and np.linalg.norm(np.ptp(mesh.bounds, axis=0)) < config.min_decomposed_size:
+def _hulls(mesh: Mesh, structure: bool, config: RoomConfig) -> list[Mesh]:
+    """Return thin boxes for a wall; for anything else a few hulls, and where these fill air thin ones that follow the surface."""
+    if structure:
+        planes = find_planes(mesh, config.flatness, min_area=20 * config.cell**2, count=6)
+        boxes = [slabs(mesh, p, config.cell, closing=3, thickness=config.thickness, count=config.boxes) for p in planes]
+        return [box for group in boxes for box in group]
+    if np.linalg.norm(np.ptp(mesh.bounds, axis=0)) < config.min_decomposed_size:
         return one_hull(mesh, config.max_vertices)
-    if not structure and np.linalg.norm(np.ptp(mesh.bounds, axis=0)) > LARGE and unknown:
-        return sheets(mesh, config)
-    if not structure:
-        return vhacd(mesh, config.part_hulls, config.resolution, config.max_vertices)
-    planes = find_planes(mesh, config.flatness, min_area=20 * config.cell**2, count=6)
-    boxes = [slabs(mesh, p, config.cell, closing=3, thickness=config.thickness, count=config.boxes) for p in planes]
-    return [box for group in boxes for box in group]
+    surface = _Surface.of(mesh)
+    hulls = vhacd(mesh, config.part_hulls, config.resolution, config.max_vertices)
+    return _sheets(surface, config) if surface.air_in(hulls) else hulls
 
 
-def sheets(mesh: Mesh, config: RoomConfig) -> list[Mesh]:
-    """Return thin convex hulls that follow a scanned surface of many things, each halved until it fills no air.
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """A scanned surface, to compare hulls with."""
 
-    A handful of hulls of a whole room, in which floor, tables and walls are one surface, are walls of air across it.
+    mesh: Mesh
+    tree: RayMesh
+    corners: np.ndarray  # of its triangles, shape [face 3 3]
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "_Surface":
+        """Return it with its lone vertices merged."""
+        whole = weld(mesh)
+        return cls(whole, ray_mesh(whole.vertices, whole.faces), whole.vertices[whole.faces].astype(np.float64))
+
+    def air_in(self, solids: Sequence[Mesh]) -> float:
+        """Return how much of the outside of hulls, on which something may stand or lean, is off it [m^2]; 0 where little is."""
+        air = outside = 0.0
+        for k, solid in enumerate(solids):
+            facing, area = normals(solid), float(solid.face_areas.sum())
+            points, face = sample_with_faces(solid, max(40, int(area / SPACING**2)), 0)
+            cell, open_air = area / len(points), facing[face, 2] > DOWN
+            for other in (*solids[:k], *solids[k + 1 :]):
+                open_air &= ~contains(other, points, -INSIDE)
+            points, across = points[open_air], facing[face[open_air]]
+            if len(points):
+                nearest = self.corners[nearest_faces(self.tree, points)[0]]
+                away = points - trimesh.triangles.closest_point(nearest, points)
+                off = (np.abs((away * across).sum(axis=1)) > OFF) | (np.linalg.norm(away, axis=1) > HOLE)
+                air, outside = air + cell * float(off.sum()), outside + cell * len(points)
+        return air if air > (1.0 - NEARLY) * outside else 0.0
+
+
+def _sheets(surface: _Surface, config: RoomConfig) -> list[Mesh]:
+    """Return thin convex hulls that follow a surface: what fills most air is split first, until none does or they are too many.
+
+    A handful of hulls of a bed or of a whole room, in which floor, tables and walls are one surface, stand off it by
+    centimetres, and are walls of air across a room.
     """
-    whole = weld(mesh)
-    tree, corners = ray_mesh(whole.vertices, whole.faces), whole.vertices[whole.faces].astype(np.float64)
-    left, hulls = [whole], list[Mesh | None]()
-    while left:
-        piece = left.pop()
-        solid = hull(piece.vertices, config.max_vertices)
-        size = np.ptp(piece.bounds, axis=0)
-        if solid is None or len(piece.faces) == 1 or size.max() < SMALLEST or _fills_no_air(solid, tree, corners):
-            if piece.face_areas.sum() >= FRAGMENT:
-                hulls.append(_backed(piece, config))
-        else:
-            left += _split(piece)
+    number, done, pieces = count(), list[Mesh](), [surface.mesh]
+    left: list[tuple[float, int, Mesh]] = []
+    while pieces:
+        for piece in pieces:
+            solid = hull(piece.vertices, config.max_vertices)
+            small = len(piece.faces) == 1 or np.ptp(piece.bounds, axis=0).max() < SMALLEST
+            air = 0.0 if solid is None or small else surface.air_in([solid])
+            if air:
+                heappush(left, (-air, next(number), piece))
+            else:
+                done.append(piece)
+        pieces = []
+        if left and len(left) + len(done) < config.surface_hulls:
+            pieces = [each for each in _split(heappop(left)[2]) if each.face_areas.sum() >= FRAGMENT]
+    hulls = [_backed(piece, config) for piece in (*done, *(piece for *_, piece in left))]
     return [each for each in hulls if each is not None]
-
-
-def _fills_no_air(solid: Mesh, tree: RayMesh, corners: np.ndarray) -> bool:
-    """Return whether all of a hull on which something may stand or lean is near a surface of triangles [face 3 3]."""
-    facing = normals(solid)
-    points, face = sample_with_faces(solid, max(40, int(solid.face_areas.sum() / HOLE**2)), 0)
-    points, facing = points[facing[face, 2] > DOWN], facing[face][facing[face, 2] > DOWN]
-    if not len(points):
-        return True
-    nearest = corners[nearest_faces(tree, points)[0]]
-    away = points - trimesh.triangles.closest_point(nearest, points)
-    across = np.abs(np.einsum("pi,pi->p", away, facing))
-    return bool(((across <= OFF) & (np.linalg.norm(away, axis=1) <= HOLE)).mean() >= NEARLY)
 
 
 def _split(piece: Mesh) -> list[Mesh]:
@@ -312,7 +316,7 @@ class StaticRoom:
 
     def __init__(self, scene: Scene, room: RoomConfig, decimate: DecimateConfig) -> None:
         self._scene, self._room, self._decimate = scene, room, decimate
-        self._hulls: dict[tuple[str, int], tuple[Collider, ...]] = {}
+        self._hulls: dict[str, tuple[Collider, ...]] = {}
         self._visuals: dict[tuple[str, ...], Decimated] = {}
 
     def ahead(self, articulated: Sequence[str]) -> None:
@@ -321,14 +325,13 @@ class StaticRoom:
         self.visual(static)
         self.colliders(static)
 
-    def colliders(self, parts: Sequence[str], fine: Collection[str] = ()) -> list[Collider]:
-        """Return the convex hulls of static parts, named after these; more of those that are `fine`."""
+    def colliders(self, parts: Sequence[str]) -> list[Collider]:
+        """Return the convex hulls of static parts, named after these."""
         colliders = []
         for part in track([i for i in parts if len(self._scene.parts[i].mesh.faces)], "room colliders"):
-            config = replace(self._room, part_hulls=self._room.furniture_hulls) if part in fine else self._room
-            if (key := (part, config.part_hulls)) not in self._hulls:
-                self._hulls[key] = part_hulls(self._scene.parts[part], config)
-            colliders += [Collider(part, hull.mesh, hull.structure) for hull in self._hulls[key]]
+            if part not in self._hulls:
+                self._hulls[part] = part_hulls(self._scene.parts[part], self._room)
+            colliders += [Collider(part, hull.mesh, hull.structure) for hull in self._hulls[part]]
         return colliders
 
     def visual(self, parts: Sequence[str]) -> Decimated:

@@ -211,14 +211,10 @@ def test_a_shelf_that_is_not_annotated_as_furniture_keeps_its_compartments_free(
     back = _box([-0.02, -0.62, 0.0], [0.0, 0.6, 0.95])
     shelf = Part("object", merge([*walls, back]))
     inside = np.random.default_rng(0).uniform([0.1, -0.6, 0.1], [0.34, 0.6, 0.6], (2000, 3))
-    filled = []
-    for hulls in (6, 24):
-        settings = replace(config(), room=replace(config().room, furniture_hulls=hulls, resolution=20000))
-        scene = prepare(Scene("shelf", {"drawer_7": drawer, "rest_30": shelf}), "drawer_7", settings)
-        found = [collider.mesh for collider in scene.static_colliders if collider.part == "rest_30"]
-        filled.append(fraction_inside(found, inside))
-    assert filled[0] > 0.5
-    assert filled[1] < 0.2  # the walls themselves are 0.15 of it
+    settings = replace(config(), room=replace(config().room, resolution=20000))
+    scene = prepare(Scene("shelf", {"drawer_7": drawer, "rest_30": shelf}), "drawer_7", settings)
+    hulls = [collider.mesh for collider in scene.static_colliders if collider.part == "rest_30"]
+    assert fraction_inside(hulls, inside) < 0.2  # the walls themselves are 0.15 of it
 
 
 def test_an_annotated_mass_wins_over_the_label() -> None:

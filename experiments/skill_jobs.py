@@ -62,7 +62,7 @@ def run(jobs: Mapping[Path, Sequence[str]], args: argparse.Namespace, write: Cal
         f"--num-envs={args.num_envs}",
         f"--device={args.device}",
     ]
-    threads = str(max(1, (os.cpu_count() or 1) // args.jobs))
+    threads = str(max(1, len(os.sched_getaffinity(0)) // args.jobs))
     limits = {name: threads for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 
     def start(path: Path, names: Sequence[str]) -> None:

@@ -51,11 +51,13 @@ def inside_gripper(tool: np.ndarray, opened: np.ndarray, surface: np.ndarray, gr
     inside = np.zeros(len(tool), bool)
     for k in range(0, len(tool), 512):
         some, closed = tool[k : k + 512], 0.5 * (gripper.max_opening - opened[k : k + 512])
-        local = surface @ some[:, :3, :3] - some[:, None, :3, 3] @ some[:, :3, :3]
+        x, y, z = (surface @ some[:, :3, :3] - some[:, None, :3, 3] @ some[:, :3, :3]).transpose(2, 0, 1).copy()
         for (low, high), side in zip(gripper_boxes(gripper), (1, -1, 0), strict=True):
-            moved = local + side * closed[:, None, None] * [0.0, 1.0, 0.0]
-            within = (moved > low - CLEARANCE / 2) & (moved < high + CLEARANCE / 2)
-            inside[k : k + 512] |= within.all(axis=2).any(axis=1)
+            moved, near = y + side * closed[:, None], CLEARANCE / 2
+            within = np.ones(x.shape, bool)
+            for along, least, most in zip((x, moved, z), low - near, high + near, strict=True):
+                within &= (along > least) & (along < most)
+            inside[k : k + 512] |= within.any(axis=1)
     return inside
 
 

@@ -3,7 +3,8 @@
     python tools/bench_sim.py STAGE [--num-envs 4096 ...] [--ppo 8x8x40 5x4x24 ...] [--iterations 20] [--out FILE]
 
 An environment step is one control step (4 physics steps) of one world. Actions are uniform random, resets included. PPO is
-timed from its third iteration on: the first two compile and capture. Its worlds touch more as it learns, which is slower.
+timed from its third iteration on: the first two compile and capture. Its worlds touch more as it learns, which is slower. The
+policy that it begins with is drawn with a fixed seed: another one touches more or less.
 "grasp_physics" is physics alone while every world's gripper holds the handle, where the planner brought it (so the arm is that
 of conf/sim/planner.yaml), and "contacts_ms" what it then takes in a physics step to read the robot's contacts with the
 part. Contacts and constraint rows are counted after the random steps, and in the grasp. Rates are compared within one run
@@ -115,6 +116,8 @@ def _physics(sim: Simulation) -> Callable[[], object]:
 
 def _training_rate(env: VecEnv, settings: PpoConfig, folder: Path) -> float:
     """Return environment steps a second of training, logging included, without the iterations that compile and capture."""
+    torch.manual_seed(0)
+    env.reset_all(0)
     train(env, settings, folder)
     begin, *rest = times(folder)[WARM_UP - 1 :]
     return len(rest) * settings.num_steps_per_env * env.num_envs / (rest[-1] - begin)

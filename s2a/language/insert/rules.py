@@ -192,7 +192,7 @@ def rules(request: Request) -> Answer:
 def _size(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
     """Answer the question about the size."""
     height, longest = (entry.height, entry.longest) if entry else (UNKNOWN_HEIGHT, UNKNOWN_LONGEST)
-    reason = "the table says so" if entry else "the table does not know it: something hand-held"
+    reason = "the table says so" if entry else "not in the table: taken as something hand-held"
     noun = entry.noun if entry else str(facts["label"])[:60]
     return {"noun": noun, "height": height, "longest": longest, "unit": "unknown", "reason": reason}
 
@@ -217,7 +217,7 @@ def _plan(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
     if choices:
         return plan
     places = ", ".join(f"{how} {where}" for how, where in (entry.places if entry else map(_place, ANYWHERE)))
-    return {**plan, "declined": f"the room has none of the places of the table for it: {places}"}
+    return {**plan, "declined": f"the room has none of its usual places: {places}"}
 
 
 def _breadth(facts: Any, entry: ObjectKind | None, up: str) -> float:

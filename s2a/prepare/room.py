@@ -101,13 +101,14 @@ def prepare_stage(settings: PrepareSettings) -> SimRoom:
     """Write the simulation-ready room of a geometric stage, its visuals beside it; return the room.
 
     Raises:
-        InputError: as `prepare`; the stage cannot be read.
+        InputError: as `prepare`; the stage cannot be read, or no file can lie beside `settings.out`.
     """
+    visuals = sim_stage.visuals_file(settings.out)
     scene = geometric.read(settings.stage)
     refined = refine(scene, settings.refine) if settings.refine_joints else {}
     room = prepare(with_joints(scene, refined), settings.targets, settings.prepare, settings.free, settings.robot)
     room = _refined(room, refined)
-    with atomic_write(sim_stage.visuals_file(settings.out)) as beside, atomic_write(settings.out) as file:
+    with atomic_write(visuals) as beside, atomic_write(settings.out) as file:
         sim_stage.write(room, file, beside)
     return room
 

@@ -153,7 +153,7 @@ def hulls(spec: RobotSpec) -> dict[str, list[trimesh.Trimesh]]:
 def _cover(solid: trimesh.Trimesh, bulge: float) -> list[tuple[float, ...]]:
     """Return few spheres (center and radius) that cover the surface of a convex solid and stand out of it by `bulge` [m] at most.
 
-    Of all spheres around inner points, the one that covers most of what is still bare is taken, until nothing is.
+    Spheres around inner points, taken in turn, where they cover something that is still bare, until 1 % of it is.
     """
     surface = np.concatenate([solid.sample(4000, seed=0), solid.vertices])
     low, high = solid.bounds
@@ -161,12 +161,14 @@ def _cover(solid: trimesh.Trimesh, bulge: float) -> list[tuple[float, ...]]:
     planes = ConvexHull(solid.vertices).equations
     depth = -(inner @ planes[:, :3].T + planes[:, 3]).max(axis=1)
     inner, radius = inner[depth > 0.0][:6000], depth[depth > 0.0][:6000] + bulge
-    covers = np.linalg.norm(inner[:, None] - surface[None], axis=2) < radius[:, None]
-    bare, balls = np.ones(len(surface), bool), []
-    while bare.sum() > 0.01 * len(surface):
-        best = int(np.argmax(covers @ bare))
-        bare &= ~covers[best]
-        balls.append((*map(float, inner[best]), float(radius[best])))
+    bare, enough, balls = surface, 0.01 * len(surface), []
+    for center, reach in zip(inner, radius, strict=True):
+        if len(bare) <= enough:
+            break
+        near = np.linalg.norm(center - bare, axis=1) < reach
+        if near.any():
+            bare = bare[~near]
+            balls.append((*map(float, center), float(reach)))
     return balls
 
 

@@ -29,7 +29,7 @@ def planner_env(stage_path: Path, base: tuple[float, float, float] | None = None
     stage = read_stage(stage_path)
     if base:
         stage = replace(stage, base=np.array([*base, 0.0, 0.0, 1.0, 0.0]))
-    return make_env(stage, 2, sim="sim/planner")
+    return make_env(stage, 2, sim="sim/planner", graph=True)
 
 
 def test_the_planner_opens_the_drawer_with_both_fingers_on_the_handle(tmp_path: Path) -> None:

@@ -50,9 +50,12 @@ def moved(paths: list[Path], opening: float, force: float, seconds: float) -> tu
     coords, dofs = sim.model.joint_coord_count // len(stages), sim.model.joint_dof_count // len(stages)
     at = np.array([i * coords + q for i, (q, _) in enumerate(places)])
     by = np.array([i * dofs + v for i, (_, v) in enumerate(places)])
+    # A push is Python between the physics steps, which no graph holds
+    step = sim.step if force else sim.capture(sim.step)
     start = sim.state.joint_q.numpy()
     start[at] = opening / arms
     sim.state.joint_q.assign(start)
+    sim.state.joint_qd.zero_()
 
     def push() -> None:
         total = sim.control.joint_f.numpy()
@@ -64,7 +67,7 @@ def moved(paths: list[Path], opening: float, force: float, seconds: float) -> tu
         sim.before_substep.append(push)
     seen = []
     for _ in range(round(seconds / config.dt / config.substeps)):
-        sim.step()
+        step()
         seen.append((sim.state.joint_q.numpy()[at] * arms, sim.state.joint_qd.numpy()[by] * arms))
     return np.array(seen)[:, 0], np.array(seen)[:, 1]
 

@@ -39,16 +39,17 @@ def make_env(
     num_envs: int = 2,
     seed: int = 0,
     sim: str | Simulation = "sim/paper",
+    graph: bool = False,
     **task: Any,
 ) -> VecEnv:
     """Return worlds of a stage with the reference's settings, some of the task's changed.
 
-    Their step is not captured: tests take parts of it away, and look into it.
+    Their step is not captured but with `graph`: tests take parts of it away, and look into it.
     """
     if isinstance(sim, str):
         stage = read_stage(stage) if isinstance(stage, Path) else stage
         sim = Simulation(stage, load(SimConfig, sim), num_envs)
-    return tasks.make_env(sim, task_settings(**task), metric_settings(), load(dict, "reward/paper"), seed, graph=False)
+    return tasks.make_env(sim, task_settings(**task), metric_settings(), load(dict, "reward/paper"), seed, graph=graph)
 
 
 def hold_still(env: VecEnv) -> VecEnv:

@@ -63,7 +63,7 @@ def test_an_estimate_off_by_a_centimetre_is_observed_there_and_the_critic_knows_
 @pytest.mark.slow
 def test_the_opening_is_followed_while_the_gripper_holds_the_handle_and_not_before(tmp_path: Path) -> None:
     stage = read_stage(write_cabinet(tmp_path / "room.usda"))
-    env = make_env(told(stage, truth(stage)), num_envs=2, sim="sim/planner", describe_part=True)
+    env = make_env(told(stage, truth(stage)), num_envs=2, sim="sim/planner", graph=True, describe_part=True)
     planner = Planner(env, load(PlannerConfig, "planner/default"))
     tracked, part = wp.to_torch(env.task.world.tracked), env.sim.joint_q[:, env.sim.layout.part_coord]
     before = torch.zeros(2)

@@ -70,7 +70,7 @@ def test_both_fingers_follow_the_mean_of_their_actions_at_their_motors_speed(sta
 
 
 def test_extreme_actions_stay_within_every_limit_and_press_gently(stage: SimStage) -> None:
-    env = make_env(stage, 12, episode_steps=300, sim="sim/real")
+    env = make_env(stage, 12, episode_steps=300, sim="sim/real", graph=True)
     use, fingers_apart = LimitUse(env.sim), []
 
     def watch() -> None:

@@ -15,7 +15,13 @@ def play(tmp_path: Path, scripts: Mapping, **cabinet) -> dict[str, dict[str, flo
     """Return each script's results by column."""
     stage = write_cabinet(tmp_path / "sim.usda", **cabinet)
     env = make_env(
-        stage, len(scripts), sim="sim/planner", graph=True, start_noise=0.0, termination_opening=1e9, tcp_offset=(0, 0, 0)
+        stage,
+        len(scripts),
+        sim="sim/planner",
+        graph=True,
+        start_noise=0.0,
+        termination_opening=1e9,
+        tcp_offset=(0, 0, 0),
     )
     found = cheats.play(env, [script(env.sim) for script in scripts.values()])
     return {name: {c: round(float(v[i]), 3) for c, v in found.items()} for i, name in enumerate(scripts)}

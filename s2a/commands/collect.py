@@ -20,7 +20,7 @@ from s2a.motion.policy import Planner
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.camera import Views, ViewsConfig
 from s2a.sim.recorder import Recorder
-from s2a.sim.simulation import Simulation, device_of
+from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env, pool
 from s2a.tasks.base import MdpConfig
@@ -67,25 +67,31 @@ class Session:
 
 def begin(config: Config) -> Session:
     """Build the worlds, the cameras and the policy; InputError for keys that cannot go together."""
+    file = PolicyFile(config.policy) if config.policy else None
+    env, views, collector, words = worlds(
+        config, *(file.worlds(config.sim, config.task) if file else (config.sim, config.task))
+    )
+    policy = file.bound(env) if file else Planner(env, config.planner)
+    if isinstance(policy, Planner):
+        policy.warn_of_cut()
+    return Session(env.sim.stage, env, policy, views, collector, words)
+
+
+def worlds(config: Config, physics: SimConfig, task: MdpConfig) -> tuple[VecEnv, Views, Collector, str]:
+    """Build what is collected in: worlds and their cameras, what reads both, the instruction; InputError as of `begin`."""
     if pool.is_index(config.stage):
         raise InputError(f"{config.stage} is a pool; give a sim.usd and a part")
     size = config.views.width, config.views.height
     if size[0] % 2 or size[1] % 2:
         raise InputError(f"images of {size[0]} x {size[1]} pixels cannot be a video; give even numbers")
-    file = PolicyFile(config.policy) if config.policy else None
-    physics, task = file.worlds(config.sim, config.task) if file else (config.sim, config.task)
     physics = replace(physics, vary=None)  # every world alike, or no episode could be played again
     stage = _stage(config, task)
     sim = Simulation([stage], physics, config.num_envs, device_of(config.device))
     recorder = Recorder(sim)
     env = make_env(sim, task, config.metrics, {}, config.seed)
-    policy = file.bound(env) if file else Planner(env, config.planner)
-    if isinstance(policy, Planner):
-        policy.warn_of_cut()
     views = Views(stage, config.views, config.num_envs, sim.device)
-    world = json.loads(world_json(physics, task))
-    collector = Collector(env, recorder, views, size, config.every, world)
-    return Session(stage, env, policy, views, collector, config.instruction or tasks.task(task.name).instruction(stage))
+    collector = Collector(env, recorder, views, size, config.every, json.loads(world_json(physics, task)))
+    return env, views, collector, config.instruction or tasks.task(task.name).instruction(stage)
 
 
 def run(config: Config) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from s2a import robot
 from s2a.commands import cli
 from s2a.learn.collect.episodes import REPLAY
 
+ROOT = Path(__file__).parents[2]
 QUICK = ["device=cpu", "num_envs=2", "every=20", "views.width=32", "views.height=32"]
 
 
@@ -51,6 +53,34 @@ def test_kept_episodes_succeed_when_played_again(
     stage, out = collected
     assert cli.main(["replay", f"stage={stage}", f"dataset={out}", "num_envs=2", "device=cpu"]) == 0
     assert "3 of 3 episodes succeed when played again" in capsys.readouterr().out
+
+
+def test_recorded_actions_open_the_drawer_in_the_environment_for_lerobot(
+    collected: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage, out = collected
+    monkeypatch.syspath_prepend(ROOT / "tools/lerobot_env_s2a")
+    rooms = importlib.import_module("lerobot_env_s2a")
+    ((env,),) = (each.envs for each in rooms.vectors(str(stage), 1, keys=QUICK[2:])["s2a"].values())
+    table = pq.read_table(out / "data/chunk-000/file-000.parquet").to_pydict()
+    seen, _ = env.reset(seed=5)
+    assert env.observation_space.contains(seen) and env.task_description == "open the drawer"
+    for action in [*table["action"], table["action"][-1]]:
+        before = seen
+        seen, reward, terminated, truncated, info = env.step(np.array(action))
+        if terminated or truncated:
+            break
+        assert env.observation_space.contains(seen) and not info["is_success"] and reward == 0.0
+    assert info["is_success"] and reward == 1.0 and seen is before
+    assert np.abs(seen["agent_pos"][:7] - table["observation.state"][-1][:7]).max() < 0.02
+    # what the robot's hand sees changes, and an arm that is not moved opens nothing
+    start, _ = env.reset(seed=5)
+    assert np.abs(start["pixels"]["wrist"].astype(int) - seen["pixels"]["wrist"]).max() > 20
+    still, ended = start["agent_pos"][:9], False
+    while not ended:
+        *_, terminated, truncated, info = env.step(still)
+        ended = terminated or truncated
+    assert truncated and not info["is_success"]
 
 
 def test_an_episode_that_fails_when_played_again_is_named(

@@ -154,6 +154,7 @@ class Collector:
 
     Attributes:
         features: what every frame holds.
+        recorder: of the sensors.
         encoded: frames of all worlds in the last batch, whether kept or not.
     """
 
@@ -176,7 +177,7 @@ class Collector:
             every: control steps a frame.
             world: physics and task, as plain values.
         """
-        self._env, self._recorder, self._views, self._every = env, recorder, views, every
+        self._env, self.recorder, self._views, self._every = env, recorder, views, every
         sim = env.sim
         rate = sim.config.control_frequency
         fps = round(rate / every)
@@ -227,13 +228,13 @@ class Collector:
         watch = _Watch(env)
         frames: list[dict[str, np.ndarray]] = []
         lengths = np.zeros(count, dtype=int)
-        self._recorder.sample()
-        seen = self._at_rest()
+        self.recorder.sample()
+        seen = self.at_rest()
         while watch.alive.any():
             self.render(encoders)
-            frame = self._columns(seen)
+            frame = self.observed(seen)
             for _ in range(self._every):
-                seen = watch.step(policy, self._recorder)
+                seen = watch.step(policy, self.recorder)
             frame["action"] = _numbers(env.sim.joint_target_q[:, : env.num_actions])
             frames.append(frame)
             encoders.add(watch.alive)
@@ -260,8 +261,8 @@ class Collector:
                 target = slot[camera, kind]
                 torch.from_numpy(target.view(np.int16) if kind != "image" else target).copy_(image)
 
-    def _columns(self, seen: torch.Tensor) -> dict[str, np.ndarray]:
-        """Return what is observed now, shape [world n] each."""
+    def observed(self, seen: torch.Tensor) -> dict[str, np.ndarray]:
+        """Return what is observed now by the name of its feature, shape [world n] each; `seen`: what the recorder told."""
         sim = self._env.sim
         links = sim.body_q[:, sim.layout.tool_body]
         columns = {"observation.state": seen, "observation.tool": _composed(links, self._tool)}
@@ -271,7 +272,7 @@ class Collector:
             columns["observation.objects"] = sim.body_q[:, self._bodies].flatten(1)
         return {name: _numbers(values) for name, values in columns.items()}
 
-    def _at_rest(self) -> torch.Tensor:
+    def at_rest(self) -> torch.Tensor:
         """Return what the robot's sensors would tell of the start, had it stood there: no torques are known yet."""
         sim = self._env.sim
         sensors = torch.zeros(sim.num_envs, len(sim.robot.recorded) - 1, device=sim.device)

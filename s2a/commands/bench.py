@@ -53,7 +53,7 @@ class Config(EpisodesConfig):
 
     Attributes:
         stage: the index of the parts, as `s2a pool +split=test` makes them.
-        policy: planner, random, pretrained (with `perception` another one than without), or the file of a trained policy:
+        policy: planner, random, pretrained (a different one with `perception`), or the file of a trained policy:
             model_N.onnx or model_N.pt.
         out: the results, a JSON file.
         verify: results of the same policy on the same parts: a randomly drawn tenth of the parts is measured again.
@@ -63,9 +63,9 @@ class Config(EpisodesConfig):
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of start noise and of what differs between worlds.
         task: what the robot has to do; a trained policy has its own settings of what it observes.
-        perception: who sees the parts with a depth camera instead of being told the truth: pretrained, or what s2a perceive
-            wrote; null: nobody.
-        perception_frames: of each part's frames in the pool, so many make an estimate: their median.
+        perception: network that estimates the parts from depth frames instead of the true poses: pretrained, or a file of s2a
+            perceive; null: none.
+        perception_frames: how many of each part's frames in the pool count, by the median of their estimates.
         grasp_error: how far from the true grasp policy and planner see it [m], in any direction; null: as far as in a trained
             policy's training, and the planner knows the true one.
         grasp_turn: by how much it is turned [degree], about any axis; null: likewise.

@@ -35,7 +35,7 @@ class Config(WorldsConfig):
     """Keys of `s2a collect`.
 
     Attributes:
-        out: folder of the dataset; one that is there already is gone on with.
+        out: folder of the dataset; an existing one is continued.
         episodes: that succeed, with those that are there already.
         policy: that drives the robot: null, the planner; pretrained; or a model_N.onnx.
         instruction: what the robot is to do, in words; null: what the task is, and the label.
@@ -105,7 +105,7 @@ def run(config: Config) -> str:
         while dataset.count < config.episodes:
             if run_episodes >= PATIENCE * config.num_envs and dataset.count == first:
                 raise InputError(f"none of {run_episodes} episodes succeeded; see what s2a evaluate says of this part")
-            # A dataset that is gone on with begins no episode twice: of each start at least one is past its seed.
+            # A dataset that is continued begins no episode twice: of each start at least one is past its seed.
             seed = config.seed + dataset.count + run_episodes
             run_episodes += config.num_envs
             for episode in collector.run(session.policy, seed, Path(folder), encoders, session.words):

@@ -89,9 +89,9 @@ class Config(SeenWorldsConfig):
         export: write the checkpoint as TorchScript and ONNX too, beside it.
         images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
         search_base: Enable the search for another base where the prepared one does not serve for all of the planner's motion.
-        recordings: folder for what the robot's sensors tell, a CSV file for each world, which `s2a identify` reads, or null.
-        states: npz file for where everything was after every control step, which `s2a view` plays, or null; with physics=soft one
-            for tools/soft_images.py.
+        recordings: folder for joint positions and torques, a CSV file for each world, which `s2a identify` reads, or null.
+        states: npz file for the pose of everything after every control step, which `s2a view` plays, or null; with
+            physics=soft one for tools/soft_images.py.
         camera: how they are taken.
         physics: rigid, or soft: the planner picks and places a teddy bear, in worlds that are simulated one after the other.
     """

@@ -47,12 +47,12 @@ class Config:
         color_camera: colour camera of frames where depth is not registered to colour: fx, fy, cx, cy [pixel] and the x, y, z
             [m] that are added to a point in the depth camera's coordinates; null: as the format says.
         voxel: edge of the voxels that frames are fused in [m].
-        far: depth beyond which frames are not believed [m].
+        far: larger depths are left out [m].
         every: use every so many frames.
         texel: length of edges at which faces stop being split where a texture has detail [m].
-        up: the file's up direction, an axis or a vector; auto: as the file states, or as the room tells.
+        up: the file's up direction, an axis or a vector; auto: as the file states, or by the room's surfaces.
         level: Correct a small tilt of the up direction to the floor's.
-        unit: the file's unit; auto: as the file states, or as the room's height tells.
+        unit: the file's unit; auto: as the file states, or by the room's height.
         floor: Move the floor to z 0.
         image: PNG file with the levelled room and its axes, or null.
         scan: folder of the scan that predictions belong to.

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from itertools import takewhile
+from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from s2a.core import config
@@ -132,8 +133,9 @@ def attributes(cls: type, prefix: str = "") -> dict[str, str]:
         if text := texts.get(f"{prefix}{key}"):
             texts[f"{prefix}{key}"] = _with_choices(text, config.expected(kind))
         inner, path = (get_args(kind)[1], f"{key}.*") if get_origin(kind) is dict else (kind, key)
-        if isinstance(inner, type) and is_dataclass(inner):
-            texts |= attributes(inner, f"{prefix}{path}.")
+        for option in get_args(inner) if isinstance(inner, UnionType) else (inner,):  # one of them may be None
+            if isinstance(option, type) and is_dataclass(option):
+                texts |= attributes(option, f"{prefix}{path}.")
     return texts
 
 

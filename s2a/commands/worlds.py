@@ -71,12 +71,12 @@ class WorldsConfig(EpisodesConfig):
 
 @dataclass(frozen=True)
 class SeenWorldsConfig(WorldsConfig):
-    """Worlds whose parts a depth camera may see, where the policy is not to be told the truth.
+    """Worlds whose parts a depth camera may see, so that the policy observes no true poses.
 
     Attributes:
-        perception: who sees the parts with a depth camera instead of being told the truth: pretrained, or what s2a perceive
-            wrote (its estimates.npz are of parts that no network was trained on); null: nobody.
-        perception_frames: frames from places of their own of which an estimate is the median.
+        perception: network that estimates the parts from depth frames instead of the true poses: pretrained, or a file of s2a
+            perceive (its estimates.npz are of parts that no network was trained on); null: none.
+        perception_frames: number of frames, each from another place; the median of their estimates counts.
         depth_camera: the camera, where `stage` is a room.
     """
 

@@ -142,8 +142,7 @@ class SimConfig:
         limits: what the arm's controller keeps to; null: nothing, and targets move as far as the task's action asks.
         joint: how the target's joint resists.
         vary: by what worlds differ; null: by nothing.
-        grip_stiffness: position gain of the finger joints [N/m], instead of that of the gains; null: theirs, as in runs from
-            before this key.
+        grip_stiffness: position gain of the finger joints [N/m], instead of that of the gains; null: theirs.
         coupled_fingers: one motor drives both, where the gripper has but one. Two that press with all their force yield to any
             push along their common axis. Motion limits with drives have it too.
     """

@@ -25,7 +25,7 @@ class OpenPartConfig(PartMdp):
         termination_opening: opening that ends the episode [m]; infinite: never.
         full_travel: shorter travels scale all openings down in proportion [m].
         firm_angle: between the fingers' forces, from which a grasp is rewarded in full [degree]; less from 120 on, from which
-            the metrics count one. 120: all or nothing, as in runs from before this key.
+            the metrics count one. 120: all or nothing.
     """
 
     close_distance: NotNegative

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, make_dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args, get_type_hints
 
@@ -119,6 +119,7 @@ def test_the_meaning_of_every_key_comes_from_the_docstrings_nested_ones_too():
     meanings = usage.attributes(Room)
     assert meanings["seed"] == "of its dice."
     assert meanings["lamp.power"] == "of the bulb [W], when it is on."
+    assert usage.attributes(make_dataclass("Cellar", [("lamp", Lamp | None)]))["lamp.power"] == meanings["lamp.power"]
 
 
 @pytest.mark.parametrize("command", commands())

@@ -18,7 +18,7 @@ class Config:
 
     Attributes:
         closed: folder of the scan with the parts closed; its annotation, if it has one, is not read.
-        open: folder of the scan with parts open, from any scanner poses, objects moved as they may be.
+        open: folder of the scan with parts open; scanner poses and objects may differ.
         out: folder that receives the closed scan's mesh with the proposed parts and joints as its annotation, and
             register.json with their uncertainties; or null.
     """

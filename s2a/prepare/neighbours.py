@@ -101,9 +101,10 @@ def trim_apart(
 ) -> dict[str, SimBody]:
     """Return bodies whose colliders stay GAP apart, at rest and while one part moves.
 
-    Furniture gives way to its parts: a frame gets a rebate. Of two parts that overlap at rest the plane between them takes the
-    least volume; of a part and another one in its path, the one gives way that loses less, by planes beyond which it stays
-    whole. Where that would be more than MAX_LOSS of a part, or a piece of what is grasped, both stay as they are.
+    Furniture gives way to its parts: a frame gets a rebate. Of a part and another one in its path, which begins at rest, the
+    one gives way that loses less, by planes beyond which it stays whole. Where that would be more than MAX_LOSS of a part, or a
+    piece of what is grasped, both stay as they are on the path; at rest, the plane between them that takes the least volume
+    parts them, under the same conditions.
 
     Args:
         bodies: articulated parts and furniture by id.
@@ -115,14 +116,14 @@ def trim_apart(
     """
     groups = {part: carried(part, parents) for part in joints}
     hulls, ids, firm = _Hulls(bodies, handles, config), list(joints), {*frozen, *joints}
-    for k, one in enumerate(ids):
-        for other in ids[k + 1 :]:
-            if other not in groups[one] and one not in groups[other]:
-                _trim(hulls, one, other, partial(_cut_at_rest, hulls, one, other))
     for part in ids:
         for other in [i for i in ids if i not in groups[part] and i != parents[part]]:
             for body in groups[part]:
                 _trim(hulls, body, other, partial(_cut_on_path, hulls, body, other, joints[part]))
+    for k, one in enumerate(ids):
+        for other in ids[k + 1 :]:
+            if other not in groups[one] and one not in groups[other]:
+                _trim(hulls, one, other, partial(_cut_at_rest, hulls, one, other))
     for part in ids:
         group = groups[part]
         for other in [i for i in bodies if i not in group and (i not in joints or i == parents[part])]:
@@ -216,6 +217,7 @@ MAX_CONTACT_DEPTH = 1e-5
 # [m] Gap below which neighbours count as overlapping: no scan resolves it. Fronts that were cut along one border
 # touch all over, and twelve contacts without depth hold a drawer against a pull of 15 N
 TOUCHING = 2e-4
+STOPS = 24  # Coordinates between the limits at which the depth of an overlap is measured
 
 
 def filtered_pairs(
@@ -227,18 +229,18 @@ def filtered_pairs(
     that. The other body stands at its scanned pose. Of bodies that only touch the depth is 0.
     """
     depths: dict[str, dict[str, float]] = {part: {} for part in moving}
-    bounds = {i: _bounds([c.mesh for c in body.colliders]) for i, body in {**fixed, **moving}.items()}
+    bodies = {**fixed, **moving}
+    bounds = {i: _bounds([c.mesh for c in body.colliders]) for i, body in bodies.items()}
     for part, body in moving.items():
-        meshes = [hull(grown(collider.mesh.vertices, TOUCHING)) for collider in body.colliders]
-        hulls = [mesh for mesh in meshes if mesh is not None]
-        reach = _bounds([cover for piece in hulls for cover in sweep(piece, joints[part])])
-        for other, still in {**fixed, **moving}.items():
+        paths = [path for c in body.colliders for path in sweep(c.mesh, joints[part], TOUCHING, STEP)]
+        reach = _bounds(paths)
+        for other, still in bodies.items():
             low, high = bounds[other]
             if other == part or (low > reach[1]).any() or (high < reach[0]).any():
                 continue
-            depth = deepest(hulls, [collider.mesh for collider in still.colliders], joints[part])
-            if depth > MAX_CONTACT_DEPTH:
-                depths[part][other] = max(0.0, depth - TOUCHING / 2)
+            if any(overlap(path, c.mesh) > MAX_CONTACT_DEPTH for c in still.colliders for path in paths):
+                hulls = ([c.mesh for c in each.colliders] for each in (body, still))
+                depths[part][other] = deepest(*hulls, joints[part], STOPS)
     return depths
 
 

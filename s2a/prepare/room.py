@@ -160,7 +160,7 @@ def prepare(
     moving = {part: _moving_body(scene, result, config) for part, result in results.items()}
     joints = {part: result.target.joint for part, result in results.items()}
     parents = {part: parent_body(scene, part, owners) for part in results}
-    handles = {part: {*result.target.grasp_parts} - {part} for part, result in results.items()}
+    handles = {i: {*r.target.grasp_parts, r.target.base_plate or i} - {i} for i, r in results.items()}
     frozen = [i for i in scene.movable if i not in results]
     bodies_apart = trim_apart(fixed | moving, joints, parents, handles, frozen, config.room)
     moving, fixed = ({i: bodies_apart[i] for i in group} for group in (moving, fixed))

@@ -239,8 +239,8 @@ def filtered_pairs(
             if other == part or (low > reach[1]).any() or (high < reach[0]).any():
                 continue
             if any(overlap(path, c.mesh) > MAX_CONTACT_DEPTH for c in still.colliders for path in paths):
-                hulls = ([c.mesh for c in each.colliders] for each in (body, still))
-                depths[part][other] = deepest(*hulls, joints[part], STOPS)
+                own, others = ([c.mesh for c in each.colliders] for each in (body, still))
+                depths[part][other] = deepest(own, others, joints[part], STOPS)
     return depths
 
 

@@ -8,7 +8,7 @@ relative to it. A mesh that was fused from a recording may name its folder, of w
 {"scans/room.ply": {"up": [0, -0.9, -0.4], "frames": "recordings/room"}}; --surface leaves out such poses, and labels.
 
 No mesh with a truth is part of the repository: ScanNet's and 7-Scenes' terms forbid it, and virtual rooms come
-from `s2a sample virtual=varied`, whose meshes have z up.
+from `s2a sample`, whose meshes have z up.
 """
 
 from __future__ import annotations

@@ -208,6 +208,7 @@ class ScannedSurfaces:
     shape: RobotShape  # of the robot
     _starts: dict[tuple[object, ...], Penetration] = field(default_factory=dict)
     _paths: dict[tuple[object, ...], Penetration] = field(default_factory=dict)
+    _coarse: dict[tuple[object, ...], Penetration] = field(default_factory=dict)
 
     @cached_property
     def _home(self) -> np.ndarray:
@@ -232,9 +233,7 @@ class ScannedSurfaces:
 
     def meets(self, stand: Stand, path: np.ndarray) -> Penetration:
         """Return the deepest collision on a joint path [pose arm] to the handle and with it, and on the way there from home."""
-        # A base that is turned under its arm has the same one.
-        same = path + stand.turn * np.eye(path.shape[1])[0]
-        key = (_facing(stand).tobytes(), stand.base[:3, 3].round(6).tobytes(), stand.pedestal, same.round(6).tobytes())
+        key = _key(stand, path)
         if key not in self._paths:
             self._paths[key] = self._robot(stand, path[1:], moving=False)
         depth, owner = self._paths[key]
@@ -248,8 +247,10 @@ class ScannedSurfaces:
 
     def meets_something(self, stand: Stand, path: np.ndarray) -> Penetration:
         """Return what `meets` does where the robot meets nothing, else a collision that need not be the deepest."""
-        coarse = self._robot(stand, path[1::COARSE], moving=False)
-        return coarse if coarse[0] > SLACK else self.meets(stand, path)
+        key = _key(stand, path)
+        if key not in self._coarse:
+            self._coarse[key] = self._robot(stand, path[1::COARSE], moving=False)
+        return self._coarse[key] if self._coarse[key][0] > SLACK else self.meets(stand, path)
 
     def _robot(self, stand: Stand, q: np.ndarray, *, moving: bool) -> Penetration:
         """Return the deepest collision in joints [pose arm]; while it moves the handle, the fingers may touch what they hold."""
@@ -276,6 +277,12 @@ class ScannedSurfaces:
         """Return what the robot can collide with on a base, its pedestal too; the target in its scanned pose if `moving`."""
         surfaces, radius = self.near if moving else self.still, self.shape.kin.spec.base.radius
         return surfaces.with_column(stand.base[:3, 3], stand.pedestal, radius)
+
+
+def _key(stand: Stand, path: np.ndarray) -> tuple[object, ...]:
+    """Return what a joint path [pose arm] from a base has in common with that of a base which is turned under its arm."""
+    same = path + stand.turn * np.eye(path.shape[1])[0]
+    return _facing(stand).tobytes(), stand.base[:3, 3].round(6).tobytes(), stand.pedestal, same.round(6).tobytes()
 
 
 class Ground:

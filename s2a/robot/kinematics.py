@@ -64,6 +64,28 @@ class Kinematics:
         pose[:, :3, 3] += pose[:, :3, :3] @ np.array(self.spec.tool_offset)
         return pose
 
+    @cached_property
+    def _straight(self) -> tuple[np.ndarray, float]:
+        """Place of the last joint's link in the tool frame, [4], and its distance from the shoulder, at most [m]."""
+        first, last = (next(i for i, (*_, k) in enumerate(self._chain) if k == j) for j in (0, len(self.lower) - 1))
+        between, link = [first], last
+        while link != first:
+            between.append(link)
+            link = self._chain[link][1]
+        slides = any(self._chain[i][3].get("type") == "prismatic" for i in between)
+        length = sum(float(np.linalg.norm(self._chain[i][2][:3, 3])) for i in between[1:])
+        zero = np.zeros((1, len(self.lower)))
+        end: np.ndarray = np.linalg.inv(self.tool(zero)[0]) @ self.frames(zero)[0, last, :, 3]
+        return end, np.inf if slides else length + 1e-3
+
+    def may_reach(self, targets: np.ndarray) -> np.ndarray:
+        """Return False for poses of the tool frame in the base frame, [... 4 4], too far for a straight arm, shape [...].
+
+        A pose says where the last joint is; no arm takes that farther from the first one than its links are long together.
+        """
+        end, length = self._straight
+        return np.asarray(np.linalg.norm((targets @ end)[..., :3] - self.shoulder, axis=-1) <= length)
+
     def solve(
         self, targets: np.ndarray, start: np.ndarray, iterations: int, damping: float
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -171,7 +171,9 @@ def follow(
             which it stays is among those found.
     """
     local = np.linalg.inv(bases)[:, None] @ (poses if poses.ndim == 4 else poses[None])
-    counts = np.broadcast_to(ik_seeds, len(bases))
+    counts = np.where(kin.may_reach(local).all(axis=1), ik_seeds, 0)
+    if not counts.any():
+        return [np.empty((0, local.shape[1], len(kin.lower))) for _ in bases]
     owner = np.tile(np.repeat(np.arange(len(bases)), counts), 2)
     targets = np.repeat(np.concatenate([local, local @ HALF_TURN]), np.tile(counts, 2), axis=0)
     starts = np.random.default_rng(seed).uniform(kin.lower, kin.upper, (counts.max(), len(kin.lower)))

@@ -72,6 +72,11 @@ def test_inverse_kinematics_find_what_kinematics_made(name: str) -> None:
     assert good.mean() > 0.95
     assert kin.tool(found)[good] == pytest.approx(targets[good], abs=2e-4)
     assert (found[good] > kin.lower - 1e-4).all() and (found[good] < kin.upper + 1e-4).all()
+    # Nothing that an arm does is called too far, anywhere within its limits; twice as far away is.
+    anywhere = kin.tool(rng.uniform(kin.lower, kin.upper, (20_000, len(kin.lower))))
+    assert kin.may_reach(anywhere).all()
+    anywhere[:, :2, 3] += 3.0
+    assert not kin.may_reach(anywhere).any()
 
 
 def test_the_tool_path_turns_with_a_door_and_is_straight_with_a_drawer() -> None:

@@ -226,6 +226,10 @@ def test_a_proposed_handle_is_found_as_one_that_is_clicked(monkeypatch: pytest.M
     np.testing.assert_allclose(item.region.normal, (1, 0, 0), atol=1e-6)
     np.testing.assert_allclose(item.region.size, (0.8, 0.9), atol=0.01)
     np.testing.assert_allclose(item.grip, plain_room.BAR, atol=0.01)
+    # A flap that turns about its upper side has no handle there.
+    top = MOTIONS.index(("hinge", "top"))
+    (flap,) = propose(surface, PROPOSE, GROW, Told([(box, top)], handles=(bar,)))
+    assert flap.joint is not None and flap.joint.kind == "revolute" and flap.grip is None
     assert item.joint.kind == "prismatic" and item.proposed and not len(item.handle)
     (scanned,) = run.cut(surface, (item,), GROW).items
     assert len(scanned.handle) and not scanned.completed

@@ -66,6 +66,7 @@ THIN = 1e-3  # [m] A cell is farther from each side of its front: a rectangle ha
 # A handle this far from the middle of a door, as a fraction of its width, tells its hinge more surely
 # than the door does
 BESIDE = 0.2
+AT_HINGE = 0.3  # Of a front's breadth: what is seen nearer to its hinge is no handle, but a frame or another front's
 SCANNED = 0.5  # Fraction of a column or a row of cells at a front's side that holds surface of its plane, at least
 # [m] Narrowest leaf of a pair, widest single door of a cabinet, widest pair without visible frames, and its height at
 # most. Modules of kitchens are 0.3, 0.4, 0.45, 0.5, 0.6, 0.8 and 0.9 m wide; one door is usual up to 0.6 m, two from
@@ -348,6 +349,11 @@ def _item(
     tips = front.motion == ("slide", "out") and is_flap(region, points, config.density)
     joint = _joint(region, ("hinge", "bottom") if tips else front.motion)
     grip = _grip(layer, front.handle) if front.handle else None
+    if grip is not None and joint.kind == "revolute":
+        far = np.linalg.norm(np.cross(grip - np.array(joint.origin), np.array(joint.axis)))
+        grip = (
+            grip if far > AT_HINGE * np.linalg.norm(np.cross(2 * (region.center - joint.origin), joint.axis)) else None
+        )
     return Item(region, joint=joint, proposed=True, score=front.score, grip=grip)
 
 

@@ -186,13 +186,13 @@ def _detect(
     flat = _angle(candidates[own].up, axis) < _SAME
     if flat and (not sure or int(np.argmax(odds)) == own):
         rather = alone[best] > _RATHER * alone[own]
-        doubt = f"the surface speaks rather for {_list(candidates, alone)}; look at image=FILE.png, or give up="
+        doubt = f"the surface agrees better with {_list(candidates, alone)}; look at image=FILE.png, or give up="
         return axis, f"stated by {stated.by}", float(odds[own]), (doubt,) if rather else ()
     if sure and not flat:
         doubt = f"{stated.by} states {stated.up} up, but no level surface faces it; the room is levelled by its surface"
         return candidates[best].up, "by the surface, against the file", float(alone[best]), (doubt,)
     raise InputError(
-        f"{stated.by} states {stated.up} up, but the surface speaks for {_list(candidates, alone)}; "
+        f"{stated.by} states {stated.up} up, but the surface agrees with {_list(candidates, alone)}; "
         f"give up={stated.up} or another direction"
     )
 
@@ -223,7 +223,7 @@ def _undeclared(
         direction = np.array(UP[axis])
     if hint:
         alone = _odds(candidates, None, 0.0)
-        doubt = f"the surface alone speaks rather for {_list(candidates, alone)}; look at image=FILE.png, or give up="
+        doubt = f"the surface alone agrees better with {_list(candidates, alone)}; look at image=FILE.png, or give up="
         doubts = (doubt,) if alone.max() > _RATHER * alone[best] else ()
         return direction, f"by the surface and {hint.by}", float(odds[best]), doubts
     doubt = "a side of the room was not scanned, so that up is not certain; look at image=FILE.png, or give up="

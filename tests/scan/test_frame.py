@@ -66,7 +66,7 @@ def test_a_vector_without_direction_is_refused(vector: tuple[float, ...]) -> Non
 
 
 def test_a_statement_that_the_room_refutes_is_asked_for() -> None:
-    with pytest.raises(InputError, match=r"glTF states y up, but the surface speaks for z (0\.9|1\.0)"):
+    with pytest.raises(InputError, match=r"glTF states y up, but the surface agrees with z (0\.9|1\.0)"):
         find(furnished_room.room(), np.eye(3), GLTF)
 
 
@@ -74,7 +74,7 @@ def test_a_statement_is_believed_with_a_warning_where_the_surface_rather_speaks_
     shell = trimesh.creation.box((5.0, 4.0, 2.5))  # 2.5 m are rather a room's height than 4 m
     shell.invert()
     result = find(shell, np.eye(3), GLTF)
-    assert result.up == (0.0, 1.0, 0.0) and any("speaks rather for" in doubt for doubt in result.doubts)
+    assert result.up == (0.0, 1.0, 0.0) and any("agrees better with" in doubt for doubt in result.doubts)
 
 
 def test_a_statement_along_no_surface_gives_way_to_a_clear_room() -> None:
@@ -169,7 +169,7 @@ def test_a_hint_of_another_frame_is_not_followed_in_silence(axis: int, sign: flo
             result = find(mesh, np.eye(3), Stated(), hint=wrong)
         except InputError:
             continue
-        assert off(result.up, np.eye(3)[2]) < 5.0 or "speaks rather for" in result.doubts[0]
+        assert off(result.up, np.eye(3)[2]) < 5.0 or "agrees better with" in result.doubts[0]
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,8 @@ def test_a_front_on_a_couch_is_forbidden_and_on_a_cabinet_expected() -> None:
     assert labels.min_score(front(0.4, (0, 1, 2)), 0.5) == np.inf
     assert labels.min_score(front(0.4, (3, 4, 5)), 0.5) == 0.25
     assert labels.min_score(front(0.4, (6, 7, 8)), 0.5) == 0.5
+    names = LabelledFaces.of(np.ones(3), ["door", "cabinet door", "windows"], np.arange(3))
+    assert [names.one_leaf(front(0.4, (face,))) for face in range(3)] == [True, False, True]
     # A third of the front on a couch forbids it, a quarter, which may be a border that is off, does not.
     assert labels.min_score(front(0.4, (0, 6, 7)), 0.5) == np.inf
     assert labels.min_score(front(0.4, (0, 3, 4, 5)), 0.5) == 0.25

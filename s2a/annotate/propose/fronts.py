@@ -285,7 +285,8 @@ def propose(
             rows.append((layer, maps[3], [scanned(layer, CellBox(*map(float, door))) for door in doors], sure))
     for layer, handle, boxes, sure in rows:
         row = framed(boxes, handle, _first(layer, boxes, candidates), ready.min_score * (1 + sure), config)
-        candidates += filter(None, (_item(surface, points, layer, one, config, grow) for one in row))
+        row_doors = filter(None, (_item(surface, points, layer, one, config, grow) for one in row))
+        candidates += [door for door in row_doors if labels and not labels.one_leaf(door.region)]
     if labels is not None:
         candidates = [item for item in candidates if item.score >= labels.min_score(item.region, config.min_score)]
         return refrigerator_doors(surface, _best(surface, candidates), labels, grow)

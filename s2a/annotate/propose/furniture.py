@@ -29,6 +29,8 @@ CLOSED = frozenset(
 )
 # Fraction of a front's area on such surfaces from which on it is dropped; annotators' borders are a few cm off
 MOSTLY = 0.3
+# Words of labels of what has panels and is one leaf, not a row of doors, where no word of furniture stands beside them
+LEAF = frozenset("door doorway doorframe window shutter gate railing fence heater radiator".split())
 REFRIGERATOR = frozenset("refrigerator fridge freezer".split())
 # [m] Narrowest refrigerator of two doors side by side: sold ones are 0.8 to 0.95 m wide, others 0.5 to 0.76 m; and the widest
 # front of one of them, which a drawer below both is not
@@ -57,6 +59,7 @@ class LabelledFaces:
     areas: np.ndarray  # of all faces of the scan [m^2], shape [face]
     open: np.ndarray  # mask of the faces of furniture that opens, shape [face]
     closed: np.ndarray  # mask of the faces of what has no front, shape [face]
+    leaf: np.ndarray  # mask of the faces of a door of the room, a window and their like, shape [face]
     cold: np.ndarray  # label of the faces of each refrigerator, -1 elsewhere, shape [face]
 
     @classmethod
@@ -68,6 +71,9 @@ class LabelledFaces:
             areas,
             np.array([kind is True for kind in kinds])[label],
             np.array([kind is False for kind in kinds])[label],
+            np.array([bool(_words(text) & LEAF) and not _words(text) & OPENS - LEAF for text in labels] + [False])[
+                label
+            ],
             cold[label],
         )
 
@@ -78,6 +84,11 @@ class LabelledFaces:
         if self.areas[faces[self.closed[faces]]].sum() >= MOSTLY * total:
             return np.inf
         return READY * usual if self.areas[faces[self.open[faces]]].sum() >= (1 - MOSTLY) * total else usual
+
+    def one_leaf(self, region: FrontRegion) -> bool:
+        """Return whether a front lies on a door of the room or a window, whose panels are no doors."""
+        faces = region.faces
+        return bool(self.areas[faces[self.leaf[faces]]].sum() >= MOSTLY * self.areas[faces].sum())
 
 
 def refrigerator_doors(

@@ -20,6 +20,7 @@ from __future__ import annotations
 import argparse
 import copy
 import json
+import tarfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -37,6 +38,9 @@ from s2a.language.insert.batch import open_room
 from s2a.language.insert.describe import RoomState
 from s2a.language.insert.pipeline import attempt
 from s2a.language.insert.settings import InsertSettings, ObjectRequest
+
+RECORDED = Path(__file__).parent / "recordings/other_objects.tar.xz"
+"""The objects of the recorded answers: since these were given, the same seed draws others."""
 
 
 def main() -> None:
@@ -143,6 +147,11 @@ def _finished(name: str, seed: int, rows: list[dict], done: Path) -> dict:
 
 def _files(args: argparse.Namespace) -> dict[str, list[tuple[Path, dict]]]:
     """Return path and truth of the objects, by room; those of one room are dealt out over its seeds."""
+    if args.objects == "other" and args.llm == "replay":
+        with tarfile.open(RECORDED) as archive:
+            archive.extractall(args.runs, filter="data")
+        rows = json.loads((args.runs / "recorded/truth.json").read_text())
+        return {room: [(args.runs / "recorded" / file, truth) for file, truth in own] for room, own in rows.items()}
     if args.objects == "other":
         return other_objects(args.runs / "other", args.objects_seed, args.draws)
     zoo = _zoo(args)

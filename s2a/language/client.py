@@ -19,6 +19,7 @@ from s2a.core.errors import InputError, encodable, printable
 from s2a.core.outputs import atomic_write
 from s2a.language.ask import Answer, Model, Request, is_count, tokens
 from s2a.language.insert.rules import rules
+from s2a.scene.scene import UNANNOTATED
 
 # Numbers of a pose in the question for a script. A recording has a slot for each, because the same question may come
 # with another pose: surfaces and search results differ in their last digits
@@ -67,8 +68,9 @@ def recorded(path: Path) -> Model:
     def answer(request: Request) -> Answer:
         if key(request) in entries:
             return _answer(entries[key(request)], request, "")
-        if gist(request) in gists:
-            return _answer(gists[gist(request)], request, OTHER)
+        for digest in (gist(request), gist(request, left_over=False)):
+            if digest in gists:
+                return _answer(gists[digest], request, OTHER)
         raise InputError(_missing(request, entries, path))
 
     return answer
@@ -83,13 +85,18 @@ def key(request: Request) -> str:
     return _hash("\n\n".join(texts))
 
 
-def gist(request: Request) -> str:
-    """Return the hash of a question without the room's measures: prompt, object, placement hint and the ids of the room."""
+def gist(request: Request, left_over: bool = True) -> str:
+    """Return the hash of a question without the room's measures: prompt, object, placement hint and the ids of the room.
+
+    `left_over`: with the surface that no annotation covers, which is part of questions since it offers supports.
+    """
     facts = request.facts
     named = [facts.get(name) for name in ("label", "sides", "height", "wish", "id", "tried")]
     if request.step == "review":
         named += [facts.get(name) for name in ("carrier", "relation", "up", "front")]
-    ids = sorted(line["id"] for line in facts.get("room", ()))
+    ids = sorted(
+        i for i in (line["id"] for line in facts.get("room", ())) if left_over or not i.startswith(UNANNOTATED)
+    )
     return _hash(json.dumps([request.step, request.system, named, ids, len(request.messages)]))
 
 

@@ -283,8 +283,8 @@ def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 # Spheres compared with the room, and poses of inverse kinematics, after which no plan for an object is looked for any more:
-# some 30 s, the same on every machine; where there is a plan, most take a tenth to a half. And [s] that pass at most
-WORK, PATIENCE = 8_000_000, 300.0
+# below 30 s, the same on every machine; where there is a plan, most take a tenth to a half. And [s] that pass at most
+WORK, PATIENCE = 7_000_000, 300.0
 
 
 class GraspCache:

@@ -7,6 +7,7 @@ The gripper's pads are the fingers' links. A contact belongs to where it lies, w
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import mujoco
 import mujoco_warp
@@ -19,8 +20,10 @@ from s2a.scene.articulation import carried, lever_arm, transform
 from s2a.scene.geometry.convex import sections
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd.sim_scene import Collider, SimBody
-from s2a.sim.simulation import Simulation
 from s2a.sim.world import touched
+
+if TYPE_CHECKING:  # it needs torch, and the depths are measured without
+    from s2a.sim.simulation import Simulation
 
 # What a collider belongs to: a finger, any other link of the robot, the body that is watched; -1 for anything else
 LEFT, RIGHT, LINK, PART = (wp.constant(i) for i in range(4))
@@ -116,7 +119,7 @@ class ContactSensor:
         found: the contacts of the last physics step.
     """
 
-    def __init__(self, sim: Simulation, distance: float) -> None:
+    def __init__(self, sim: "Simulation", distance: float) -> None:
         """Watch the target of a simulation; a contact within `distance` [m] of the annotated region is on it."""
         n, data = sim.num_envs, sim.solver.mjw_data
         self._sim = sim
@@ -150,7 +153,7 @@ def query_mesh(mesh: Mesh) -> wp.Mesh:
     return wp.Mesh(points, wp.array(np.asarray(mesh.faces, np.int32).ravel(), dtype=int))
 
 
-def _owners(sim: Simulation) -> np.ndarray:
+def _owners(sim: "Simulation") -> np.ndarray:
     """Return what each MuJoCo geom of a world belongs to, shape [world geom]: LEFT, RIGHT, LINK, PART, or -1."""
     bodies = sim.model.body_count // sim.num_envs
     of_body = np.full(bodies + 1, -1)  # the last entry stands for the immovable room

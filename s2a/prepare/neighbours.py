@@ -89,6 +89,8 @@ class _Hulls:
         if lost := self.lost(body) & {*firm}:
             left = [collider for collider in self.bodies[body] if collider.part not in lost]
             self.bodies[body] = [*left, *(collider for collider in before if collider.part in lost)]
+        if not self.bodies[body]:  # a real collision, too
+            self.bodies[body] = before
 
 
 def trim_apart(

@@ -101,7 +101,8 @@ def test_a_real_collision_keeps_both_whole_and_its_filter(center: tuple, size: t
     room = drawers(0.5)
     room = replace(room, bodies={"drawer_1": room.bodies["drawer_1"], "cabinet": frozen}, joints={"drawer_1": OUT})
     assert trimmed(room, "drawer_2") == room.bodies
-    assert trimmed(room) != room.bodies
+    # furniture gives way, but does not vanish: the first two lie in the path as a whole
+    assert (trimmed(room) == room.bodies) == (center[0] > 0.0)
 
 
 def test_what_is_thinner_than_a_step_is_found_and_filtered_late_on_a_path() -> None:

@@ -134,11 +134,16 @@ def test_a_door_turns_about_the_side_away_from_its_handle(motion, at: int, expec
 
 
 def test_framed_doors_stand_in_a_row_and_meet_between_their_panels() -> None:
-    """Panels 18 cm wide, 12 cm apart: doors of 30 cm, whose stiles are 6 cm wide. One alone, or 2 mm deep, is no door."""
-    for depth, columns, doors in ((0.008, (16, 46, 76), 3), (0.002, (16, 46, 76), 0), (0.008, (16,), 0)):
+    """Panels 18 cm wide, 12 cm apart: doors of 30 cm, whose stiles are 6 cm wide. One alone, 2 mm deep or flat is none."""
+    for depth, columns, doors in (
+        (0.008, (16, 46, 76), 3),
+        (0.002, (16, 46, 76), 0),
+        (0.008, (16,), 0),
+        (-0.008, (16, 46, 76), 0),
+    ):
         plane = layer(140)
         for column in columns:
-            plane.height[30:90, column : column + 18] = -depth
+            plane.height[30 : 90 if depth > 0 else 42, column : column + 18] = -abs(depth)
         rows = list(framed_rows(plane))
         assert {len(row) for row, _ in rows} == ({doors} if doors else set())
         for row, sure in rows:

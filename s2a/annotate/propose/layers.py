@@ -49,6 +49,7 @@ CONNECTED = 0.02  # [m] Cells in which points lie beside each other
 # [m] A framed door's panel lies deeper than its stiles and rails by more, also where a mesh has smeared it, and by the others
 # where panels of a rough mesh hang together; width and height of a panel at least, and of none. Doors are up to 0.6 m wide
 DEEPER, PANEL, FRAMED = (0.003, 0.0045, 0.006), (0.08, 0.12), (0.5, 1.2)
+UPRIGHT_PANEL = 0.7  # Height over width of a door's panel, at least: those of drawers lie
 FILLED = 0.6  # Fraction of its rectangle that a panel fills, at least
 LONG = 0.1  # By which each door beyond two makes a row surer: five alike are no chance
 # [m] Two stiles between the panels of a row: one is 5 to 9 cm wide; and how much panels of a row are alike, at least: the height
@@ -276,7 +277,9 @@ def _rows(panels: list[np.ndarray], cell: float) -> Iterator[tuple[np.ndarray, f
             if _next(row[-1], panel, cell):
                 row.append(panel)
         panels = [panel for panel in panels if not any(panel is one for one in row)]
-        if len(row) > 1:
+        if len(row) > 1 and np.median([one[3] - one[1] for one in row]) > UPRIGHT_PANEL * np.median(
+            [one[2] - one[0] for one in row]
+        ):
             left, bottom, right, top, filled = np.array(row).T
             stile = float(np.median(left[1:] - right[:-1])) / 2
             sides = np.array([left[0] - stile, *(left[1:] + right[:-1]) / 2, right[-1] + stile])

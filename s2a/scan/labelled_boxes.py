@@ -106,7 +106,8 @@ def write(folder: Path, vertices: np.ndarray, boxes: Sequence[LabelledBox]) -> i
     return len(objects)
 
 
-_OBJECTS = "Object_grp"  # the prim below which RoomPlan puts its objects
+# Prims below which RoomPlan puts its objects; its walls, doors, windows and openings; and its floors
+_ROOMPLAN = ("Object_grp", "Arch_grp", "Floor_grp")
 _GROUPS = ("objects", "walls", "doors", "windows", "openings", "floors")
 _LAYOUTS = "RoomPlan's JSON or USDZ, or ARKitScenes' *_3dod_annotation.json"
 
@@ -140,7 +141,7 @@ def read_boxes(path: Path) -> list[LabelledBox]:
 
 def _reader(path: Path) -> Callable[[Path], list[LabelledBox]] | None:
     if path.suffix.lower() == ".usdz":
-        return _roomplan_usdz if _objects(_stage(path)) else None
+        return _roomplan_usdz if _shapes(_stage(path)) else None
     if path.suffix.lower() != ".json" or not path.is_file():
         return None
     try:
@@ -175,16 +176,19 @@ def _roomplan_json(path: Path) -> list[LabelledBox]:
 
 
 def _roomplan_usdz(path: Path) -> list[LabelledBox]:
-    """Return the boxes around the meshes of RoomPlan's objects, along the axes of their prims."""
-    cache, stage, boxes = UsdGeom.XformCache(), _stage(path), []
-    for prim in _objects(stage):
-        points = np.array(UsdGeom.Mesh(prim).GetPointsAttr().Get(), dtype=float).reshape(-1, 3)
+    """Return the boxes around RoomPlan's shapes, meshes and cubes alike, along the axes of their prims ("Table0")."""
+    cache, boxes = UsdGeom.XformCache(), []
+    for prim in _shapes(stage := _stage(path)):
+        extent = UsdGeom.Boundable.ComputeExtentFromPlugins(UsdGeom.Boundable(prim), 0)
+        if not extent or np.array(extent[1] - extent[0]).min() < 0.0:
+            continue  # a mesh without points
+        low, high = np.array(extent, dtype=float)
         matrix = np.array(cache.GetLocalToWorldTransform(prim))
         scale = np.linalg.norm(matrix[:3, :3], axis=1)
-        low, high = points.min(axis=0), points.max(axis=0)
         center = (low + high) / 2 @ matrix[:3, :3] + matrix[3, :3]
-        label = prim.GetParent().GetName().removesuffix("_grp")
-        boxes.append(LabelledBox(_words(label), center, matrix[:3, :3] / scale[:, None], (high - low) * scale))
+        label = _words(prim.GetName().rstrip("0123456789"))
+        boxes.append(LabelledBox(label, center, matrix[:3, :3] / scale[:, None], (high - low) * scale))
+    del stage  # a prim lives as long as its stage
     return boxes
 
 
@@ -195,10 +199,11 @@ def _stage(path: Path) -> Usd.Stage | None:
         return None
 
 
-def _objects(stage: Usd.Stage | None) -> list[Usd.Prim]:
-    """Return the meshes of RoomPlan's objects; empty for any other file."""
+def _shapes(stage: Usd.Stage | None) -> list[Usd.Prim]:
+    """Return the shapes of RoomPlan's objects, walls and floors; empty for any other file."""
     prims = stage.Traverse() if stage else []
-    return [prim for prim in prims if prim.IsA(UsdGeom.Mesh) and f"/{_OBJECTS}/" in str(prim.GetPath())]
+    names = {f"{name}/" for name in _ROOMPLAN}
+    return [p for p in prims if p.IsA(UsdGeom.Gprim) and any(f"/{name}" in f"{p.GetPath()}/" for name in names)]
 
 
 def _words(label: str) -> str:

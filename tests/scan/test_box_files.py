@@ -29,17 +29,26 @@ def roomplan_json(path: Path) -> Path:
 
 
 def roomplan_usdz(path: Path) -> Path:
-    """Write the storage as RoomPlan's USDZ does: a unit mesh below groups, placed and scaled by its prim."""
+    """Write the storage as RoomPlan's USDZ does: a unit mesh, or a cube, below groups, placed and scaled by its prim."""
     stage = Usd.Stage.CreateNew(str(path.with_suffix(".usdc")))
     UsdGeom.SetStageUpAxis(stage, "Y")
-    mesh = UsdGeom.Mesh.Define(stage, "/Room/Mesh_grp/Object_grp/Storage_grp/Storage0")
-    box = trimesh.creation.box((1, 1, 1))
-    mesh.CreatePointsAttr([Gf.Vec3f(*map(float, point)) for point in box.vertices])
-    mesh.CreateFaceVertexCountsAttr([3] * len(box.faces))
-    mesh.CreateFaceVertexIndicesAttr(box.faces.ravel().tolist())
     placed = POSE @ np.diag([*SIZE, 1.0])
-    mesh.AddTransformOp().Set(Gf.Matrix4d(*placed.T.ravel().tolist()))
-    UsdGeom.Mesh.Define(stage, "/Room/Mesh_grp/Walls_grp/Wall0")
+    if path.stem == "parametric":  # what most users export: cubes, scaled by an operation of their own, beside walls
+        cube = UsdGeom.Cube.Define(stage, "/Room/Parametric_grp/Object_grp/Storage_grp/Storage0")
+        cube.CreateSizeAttr(1.0)
+        cube.AddTransformOp().Set(Gf.Matrix4d(*POSE.T.ravel().tolist()))
+        cube.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*SIZE))
+        wall = UsdGeom.Cube.Define(stage, "/Room/Parametric_grp/Arch_grp/Wall_2_grp/Wall2")
+        wall.CreateSizeAttr(1.0)
+        wall.AddScaleOp().Set(Gf.Vec3f(4.0, 2.5, 1e-4))
+    else:
+        mesh = UsdGeom.Mesh.Define(stage, "/Room/Mesh_grp/Object_grp/Storage_grp/Storage0")
+        box = trimesh.creation.box((1, 1, 1))
+        mesh.CreatePointsAttr([Gf.Vec3f(*map(float, point)) for point in box.vertices])
+        mesh.CreateFaceVertexCountsAttr([3] * len(box.faces))
+        mesh.CreateFaceVertexIndicesAttr(box.faces.ravel().tolist())
+        mesh.AddTransformOp().Set(Gf.Matrix4d(*placed.T.ravel().tolist()))
+        UsdGeom.Mesh.Define(stage, "/Room/Mesh_grp/Arch_grp/Wall0")
     stage.Save()
     from pxr import UsdUtils
 
@@ -54,7 +63,7 @@ def arkitscenes(path: Path) -> Path:
     return path
 
 
-WRITERS = {"a.json": roomplan_json, "a.usdz": roomplan_usdz, "b.json": arkitscenes}
+WRITERS = {"a.json": roomplan_json, "a.usdz": roomplan_usdz, "parametric.usdz": roomplan_usdz, "b.json": arkitscenes}
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -67,6 +76,8 @@ def test_every_layout_gives_the_same_box(tmp_path: Path, name: str) -> None:
 
 
 def test_labels_are_words_and_walls_are_flat(tmp_path: Path) -> None:
+    boxes = labelled_boxes.read_boxes(roomplan_usdz(tmp_path / "parametric.usdz"))
+    assert [(box.label, box.is_flat) for box in boxes] == [("storage", False), ("wall", True)]
     boxes = labelled_boxes.read_boxes(roomplan_json(tmp_path / "room.json"))
     assert [(box.label, box.is_flat) for box in boxes] == [("storage", False), ("washer dryer", False), ("wall", True)]
 

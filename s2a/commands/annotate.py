@@ -114,5 +114,6 @@ def _summary(annotation: Draft, config: Config) -> str:
     left = len(annotation.items) - len(done)
     summary = f"{config.out}: {len(done)} parts ({kinds or 'none'}), {handles} with a handle"
     summary += f"; {left} without a joint are left out" if left else ""
-    summary += f"\n{text(of_all(annotation, config.evidence))}" if done else ""
-    return summary + f"\n  next: s2a check scan={config.out}"
+    if not done:
+        return f"{summary}\n  next: draw parts on the page: s2a annotate scan={config.scan} out=..."
+    return f"{summary}\n{text(of_all(annotation, config.evidence))}\n  next: s2a check scan={config.out}"

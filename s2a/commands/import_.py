@@ -172,7 +172,7 @@ def _written(
             "%s: %d faces have no area; they are kept, so that faces keep their numbers", path, done.degenerate
         )
     with atomic_write(config.out, earlier=imported.RECORD) as out:
-        imported.write(done, path, out)
+        labelled = imported.write(done, path, out)
         more(out)
     if config.image:
         write_png(room_image(done.mesh), config.image)
@@ -187,7 +187,7 @@ def _written(
         f"{config.out}: {faces}, {len(done.mesh.vertices)} vertices, {size} m\n"
         f"  {frame.summary()}\n"
         f"  up {frame.why_up}; unit: {frame.why_unit}\n"
-        f"  floor: moved by {done.offset[2]:+.3f} m"
+        f"  floor: moved by {done.offset[2]:+.3f} m" + (f"\n  labels: {labelled} objects" if done.boxes else "")
     )
 
 

@@ -105,15 +105,19 @@ def place(
     return Imported(file_frame, baked, mesh, offset, len(source.faces), int((mesh.face_areas == 0).sum()), placed)
 
 
-def write(done: Imported, source: Path, folder: Path) -> None:
-    """Write the scan's mesh, its labelled objects, what was found, and the map of faces that were split, into a new folder."""
+def write(done: Imported, source: Path, folder: Path) -> int:
+    """Write the scan's mesh, its labelled objects, what was found, and the map of faces that were split, into a new folder.
+
+    Returns:
+        Number of labelled objects.
+    """
     folder.mkdir()
     write_ply(folder / MESH, done.mesh)
     if len(done.mesh.faces) != done.source_faces:
         np.save(folder / SOURCE_FACES, done.baked.source_face.astype(np.int32))
-    if done.boxes:
-        labelled_boxes.write(folder, done.mesh.vertices, done.boxes)
+    labelled = labelled_boxes.write(folder, done.mesh.vertices, done.boxes) if done.boxes else 0
     (folder / RECORD).write_text(json.dumps(record(done, source), indent=1), encoding="utf-8")
+    return labelled
 
 
 def record(done: Imported, source: Path) -> dict[str, Any]:

@@ -102,7 +102,7 @@ def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Che
 
     `fronts`: fronts of its moving parts by id; `bounds`: `heights`, `surfaces` and `handles`.
     """
-    scene, heights = surface.scene, surface.mesh.vertices[:, 2]
+    scene, heights = surface.scene, surface.samples[0][:, 2]  # not of vertices, which crowd where a texture was fine
     height = float(np.subtract(*np.quantile(heights, [0.995, 0.005]))) if len(heights) else 0.0
     handles = [(contact.region(scene, part), one) for part, one in fronts.items() if contact.has_handle(scene, part)]
     thickness = [np.sort(contact.size(mesh, one))[1] for mesh, one in handles]

@@ -24,7 +24,7 @@ def floating(surface: ScanSurface, bounds: Bounds) -> list[Check]:
     checks = []
     for part in alone:
         gap = gap_to_rest(surface, part)
-        if gap > bounds.contact:
+        if bounds.contact < gap < np.inf:  # a scan of one part has nothing that could carry it
             message = f"it floats: the nearest other surface is {1000 * gap:.0f} mm off"
             remedy = f"possible: up to {1000 * bounds.contact:.0f} mm; annotate what carries it, or scan that"
             checks.append(Check("floats", "warn", gap, bounds.contact, "m", part=part, message=message, remedy=remedy))

@@ -76,7 +76,7 @@ class ScanSurface:
         Hollow furniture and the space behind walls are excluded: from there surfaces are seen from the other side. Which
         side is the front is decided by the majority of all places.
         """
-        low, high = np.quantile(self.mesh.vertices, [0.005, 0.995], axis=0).astype(np.float64)
+        low, high = np.quantile(self.samples[0], [0.005, 0.995], axis=0).astype(np.float64)
         steps = (np.arange(GRID) + 0.5) / GRID
         places = low + (high - low) * np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
         distance, behind = self._around(places)

@@ -5,15 +5,21 @@ from __future__ import annotations
 import importlib
 import json
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import warp as wp
 from cabinet import write_cabinet
+from gymnasium.error import ResetNeeded
 
 from s2a import robot
 from s2a.commands import cli
+from s2a.core.errors import InputError
 from s2a.learn.collect.episodes import REPLAY
+from s2a.tasks import pool
 
 ROOT = Path(__file__).parents[2]
 QUICK = ["device=cpu", "num_envs=2", "every=20", "views.width=32", "views.height=32"]
@@ -55,13 +61,18 @@ def test_kept_episodes_succeed_when_played_again(
     assert "3 of 3 episodes succeed when played again" in capsys.readouterr().out
 
 
+@pytest.fixture
+def lerobot_rooms(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(ROOT / "tools/lerobot_env_s2a")
+    return importlib.import_module("lerobot_env_s2a")
+
+
+@pytest.mark.slow
 def test_recorded_actions_open_the_drawer_in_the_environment_for_lerobot(
-    collected: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+    collected: tuple[Path, Path], lerobot_rooms: ModuleType
 ) -> None:
     stage, out = collected
-    monkeypatch.syspath_prepend(ROOT / "tools/lerobot_env_s2a")
-    rooms = importlib.import_module("lerobot_env_s2a")
-    ((env,),) = (each.envs for each in rooms.vectors(str(stage), 1, keys=QUICK[2:])["s2a"].values())
+    ((env,),) = (each.envs for each in lerobot_rooms.vectors(str(stage), 1, keys=QUICK[2:])["s2a"].values())
     table = pq.read_table(out / "data/chunk-000/file-000.parquet").to_pydict()
     seen, _ = env.reset(seed=5)
     assert env.observation_space.contains(seen) and env.task_description == "open the drawer"
@@ -81,6 +92,43 @@ def test_recorded_actions_open_the_drawer_in_the_environment_for_lerobot(
         *_, terminated, truncated, info = env.step(still)
         ended = terminated or truncated
     assert truncated and not info["is_success"]
+
+
+@pytest.mark.slow
+def test_unseeded_episodes_in_the_environment_for_lerobot_differ(
+    tmp_path: Path, lerobot_rooms: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(wp.config, "log_level", wp.LOG_INFO)
+    folder = tmp_path / "seed=1,a (1) ${x}"
+    folder.mkdir()
+    given = SimpleNamespace(room=str(write_cabinet(folder / "sim.usda")), size=32, keys=["every=20"])
+    ((both,),) = (each.values() for each in lerobot_rooms.make_env(2, cfg=given).values())
+    assert wp.config.log_level == wp.LOG_WARNING, "it would print every kernel that it loads"
+    for early in (both.envs[0].render, lambda: both.envs[0].step(both.envs[0].action_space.low)):
+        with pytest.raises(ResetNeeded, match="call reset first"):
+            early()
+    starts = [both.reset(seed=seed)[0]["agent_pos"] for seed in (None, None, [3, 3])]
+    assert both.envs[0].render().shape == (32, 32, 3)
+    unseeded = np.concatenate(starts[:2])
+    assert len(np.unique(unseeded, axis=0)) == 4 and np.array_equal(*starts[2])
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"keys": ["++num_envs=2"]}, "keys has 'num_envs', which an argument of the environment"),
+        ({"keys": ["views.width=64"], "size": 32}, "keys has 'views.width', which"),
+        ({"part": "15"}, "part=15 chooses from a room"),
+        ({"count": 33}, "2 parts of .* x 33 worlds are more than 64 at once; give a smaller batch"),
+    ],
+)
+def test_what_an_environment_for_lerobot_cannot_be_is_one_line(
+    given: dict[str, Any], why: str, tmp_path: Path, lerobot_rooms: ModuleType
+) -> None:
+    index = tmp_path / "pool.json"
+    pool.write(index, [pool.PoolPart("sim.usd", part, "prismatic", "added", "") for part in ("a", "b")], {}, {})
+    with pytest.raises(InputError, match=why):
+        lerobot_rooms.vectors(**{"room": str(index), "count": 1, **given})
 
 
 def test_an_episode_that_fails_when_played_again_is_named(

@@ -20,7 +20,7 @@ class S2aConfig(EnvConfig):
         room: the sim.usd of `s2a prepare`, or the index of `s2a pool`.
         task: its name, as "open_part".
         part: what moves, of a room with several.
-        keys: further keys of `s2a collect`.
+        keys: further keys of `s2a collect`; none that the others set.
         robot: that the room was prepared for.
         device: "cpu" or "cuda:0".
         size: width and height of the images [pixel].
@@ -58,8 +58,8 @@ class S2aConfig(EnvConfig):
     @property
     def gym_kwargs(self) -> dict[str, Any]:
         """What `S2aEnv` takes, but its task."""
-        keys = [*self.keys, f"views.width={self.size}", f"views.height={self.size}"]
-        return {"room": self.room, "part": self.part, "keys": keys, "robot": self.robot, "device": self.device}
+        names = ("room", "part", "keys", "robot", "device", "size")
+        return {name: getattr(self, name) for name in names}
 
     def create_envs(self, n_envs: int, use_async_envs: bool = False) -> dict[str, dict[int, VectorEnv]]:
         """Return the environments by task: of a pool, one for each part."""

@@ -40,7 +40,7 @@ from s2a.language.insert.pipeline import attempt
 from s2a.language.insert.settings import InsertSettings, ObjectRequest
 
 RECORDED = Path(__file__).parent / "recordings/other_objects.tar.xz"
-"""The objects of the recorded answers: since these were given, the same seed draws others."""
+"""The objects of the recorded answers."""
 
 
 def main() -> None:
@@ -148,6 +148,8 @@ def _finished(name: str, seed: int, rows: list[dict], done: Path) -> dict:
 def _files(args: argparse.Namespace) -> dict[str, list[tuple[Path, dict]]]:
     """Return path and truth of the objects, by room; those of one room are dealt out over its seeds."""
     if args.objects == "other" and args.llm == "replay":
+        if (args.objects_seed, args.draws) != (7, 2):
+            raise SystemExit("recorded answers are of objects_seed=7 and draws=2: leave out --objects-seed and --draws")
         with tarfile.open(RECORDED) as archive:
             archive.extractall(args.runs, filter="data")
         rows = json.loads((args.runs / "recorded/truth.json").read_text())

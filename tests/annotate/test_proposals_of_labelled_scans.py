@@ -82,14 +82,23 @@ def test_a_drawer_is_held_in_its_middle_and_a_sliding_door_at_the_side_that_it_l
     assert place[0] == pytest.approx(-0.15 * np.sign(region.axes[:, 0] @ np.array(away.axis)))
 
 
-@pytest.mark.parametrize(("wide", "doors"), [(0.9, 2), (0.7, 3)])
-def test_pieces_on_a_refrigerator_are_two_doors_where_it_is_wide_enough(wide: float, doors: int) -> None:
-    """Two pieces at the left, one over the other, and one at the right half: a narrower refrigerator keeps them."""
+SPLIT = ((0.4, 0.7), (1.4, 0.7))
+"""Height of the middle and of pieces at the left, one over the other [m]."""
+
+
+@pytest.mark.parametrize(
+    ("wide", "right", "doors"),
+    [(0.9, ((0.9, 1.7),), 2), (0.7, ((0.9, 1.7),), 3), (0.9, SPLIT, 4)],  # the last: doors over doors
+)
+def test_pieces_on_a_refrigerator_are_two_doors_where_it_is_wide_enough(
+    wide: float, right: tuple[tuple[float, float], ...], doors: int
+) -> None:
+    """Two pieces at the left, and one at the right half: a narrower refrigerator and one of four doors keep them."""
     sheet = plain_room.grid(np.zeros(3), RIGHT, UP, (wide, 1.8), (200, 200, 200))
     surface = SplitSurface.of(sheet.vertices, sheet.faces, sheet.colors)
     labels = LabelledFaces.of(surface.areas, ["Refrigerator"], np.zeros(len(surface.faces), int))
     items = []
-    for side, middle, height, high in ((1, 0.25, 0.4, 0.7), (1, 0.25, 1.4, 0.7), (0, 0.75, 0.9, 1.7)):
+    for side, middle, height, high in [*((1, 0.25, *each) for each in SPLIT), *((0, 0.75, *each) for each in right)]:
         region = replace(front(height), size=np.array([wide / 2, high]))
         region = replace(region, center=np.array([0.0, middle * wide, height]))
         region = replace(region, faces=inside(surface, region, 0.02))

@@ -30,7 +30,7 @@ CLOSED = frozenset(
 # Fraction of a front's area on such surfaces from which on it is dropped; annotators' borders are a few cm off
 MOSTLY = 0.3
 # Words of labels of what has panels and is one leaf, not a row of doors, where no word of furniture stands beside them
-LEAF = frozenset("door doorway doorframe window shutter gate railing fence heater radiator".split())
+LEAF = frozenset("door doorway doorframe window shutter gate fence".split())
 REFRIGERATOR = frozenset("refrigerator fridge freezer".split())
 # [m] Narrowest refrigerator of two doors side by side: sold ones are 0.8 to 0.95 m wide, others 0.5 to 0.76 m; and the widest
 # front of one of them, which a drawer below both is not
@@ -113,7 +113,15 @@ def refrigerator_doors(
         low = np.maximum(np.quantile(place, 0.01, axis=0), corners.min(axis=0))
         high = np.minimum(np.quantile(place, 0.99, axis=0), corners.max(axis=0))
         whole = all(columns) and len(columns[0] + columns[1]) == len(mine) > 2
-        if not whole or high[0] - low[0] < SIDE_BY_SIDE or max(item.region.size[0] for item in mine) > ONE_DOOR:
+        # Upper sides of the pieces of each column: doors over doors break at the same height
+        tops = [sorted(x.region.center[2] + x.region.size[1] / 2 for x in column) for column in columns]
+        crossed = len(tops[0]) == len(tops[1]) > 1 and np.allclose(*tops, atol=0.05)
+        if (
+            crossed
+            or not whole
+            or high[0] - low[0] < SIDE_BY_SIDE
+            or max(item.region.size[0] for item in mine) > ONE_DOOR
+        ):
             continue
         ends = [
             np.median([plane.local(item.region.corners)[:, 0].max() for item in columns[0]]),

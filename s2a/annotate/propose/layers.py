@@ -51,7 +51,8 @@ CONNECTED = 0.02  # [m] Cells in which points lie beside each other
 DEEPER, PANEL, FRAMED = (0.003, 0.0045, 0.006), (0.08, 0.12), (0.5, 1.2)
 UPRIGHT_PANEL = 0.7  # Height over width of a door's panel, at least: those of drawers lie
 FILLED = 0.6  # Fraction of its rectangle that a panel fills, at least
-LONG = 0.1  # By which each door beyond two makes a row surer: five alike are no chance
+# By which each door beyond two makes a row surer; fewer than so many stay less sure than a whole: they need a label
+LONG, MANY = 0.1, 5
 # [m] Two stiles between the panels of a row: one is 5 to 9 cm wide; and how much panels of a row are alike, at least: the height
 # that they share, and their widths
 STILES, ALIKE = (0.03, 0.25), (0.75, 0.5)
@@ -284,9 +285,10 @@ def _rows(panels: list[np.ndarray], cell: float) -> Iterator[tuple[np.ndarray, f
             stile = float(np.median(left[1:] - right[:-1])) / 2
             sides = np.array([left[0] - stile, *(left[1:] + right[:-1]) / 2, right[-1] + stile])
             ends = np.full((2, len(row)), [[np.median(bottom) - stile], [np.median(top) + stile]])
+            sure = float(filled.mean()) + LONG * (len(row) - 2)
             yield (
                 np.stack([sides[:-1], ends[0], sides[1:], ends[1]], axis=1),
-                float(filled.mean()) + LONG * (len(row) - 2),
+                sure if len(row) >= MANY else min(sure, 0.95),
             )
 
 

@@ -115,7 +115,7 @@ def refrigerator_doors(
         whole = all(columns) and len(columns[0] + columns[1]) == len(mine) > 2
         # Upper sides of the pieces of each column: doors over doors break at the same height
         tops = [sorted(x.region.center[2] + x.region.size[1] / 2 for x in column) for column in columns]
-        crossed = len(tops[0]) == len(tops[1]) > 1 and np.allclose(*tops, atol=0.05)
+        crossed = len(tops[0]) == len(tops[1]) > 1 and np.allclose(tops[0], tops[1], atol=0.05)
         if (
             crossed
             or not whole

@@ -41,7 +41,9 @@ MARGINS = 0.16, 0.08, 0.04, 0.015
 NEARBY = 0.7  # [m] From the other end of the motion, up to which spots come first, however little room is around them
 # [m] Between the heights of both ends, up to which spots come first: a part may have several tops, and a floor
 AS_HIGH = 0.1
-FAR = 1.25  # [m] Between both ends, seen from above, at most: an arm of 0.855 m stands between them
+# [m] Between both ends, seen from above, at most: a robot between them is 0.63 m from each, three quarters of an arm's
+# 0.855 m
+FAR = 1.25
 HIGH = 1.2  # [m] Between the heights of both ends, at most, likewise
 # Free places that a task plans for, one after the other, until there is a plan; and of them on one of several supports
 CANDIDATES, OF_ONE = 6, 3
@@ -135,7 +137,7 @@ def nearby_placements(
     if not count:
         needed = "level or steady" if leaning else f"level, {MOVED}"
         raise InputError(
-            f"nothing within {FAR:.1f} m of {name!r} has a spot that is free for it, {needed}; give a pose"
+            f"nothing within {FAR:.2f} m of {name!r} has a spot that is free for it, {needed}; give a pose"
         )
 
 

@@ -22,7 +22,7 @@ from s2a.prepare.room_hulls import LevelTop, RoomConfig, StaticRoom, below_tops,
 from s2a.robot import Robot
 from s2a.robot.spec import RobotSpec
 from s2a.scene.articulation import lever_arm
-from s2a.scene.geometry.convex import column
+from s2a.scene.geometry.convex import column, contains
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.simplify import DecimateConfig
 from s2a.scene.scene import Mesh, Scene
@@ -33,6 +33,7 @@ ROBOTS = ""  # Stands for the owner of the places where robots stand, beside ids
 UNEVEN = 0.01  # [m] A scanned floor may rise by so much under a robot's base
 # Note of a room without articulated parts
 NO_JOINTS = "nothing moves: the scan has no joints; `s2a annotate` adds drawers and doors"
+HELD = 0.03  # [m] From the grasp point: where fingers lie on a part without a handle
 GRAVITY = 9.81  # [m/s^2]
 
 
@@ -160,7 +161,7 @@ def prepare(
     moving = {part: _moving_body(scene, result, config) for part, result in results.items()}
     joints = {part: result.target.joint for part, result in results.items()}
     parents = {part: parent_body(scene, part, owners) for part in results}
-    handles = {i: {*r.target.grasp_parts, r.target.base_plate or i} - {i} for i, r in results.items()}
+    handles = {i: _grasped(result) for i, result in results.items()}
     frozen = [i for i in scene.movable if i not in results]
     bodies_apart = trim_apart(fixed | moving, joints, parents, handles, frozen, config.room)
     moving, fixed = ({i: bodies_apart[i] for i in group} for group in (moving, fixed))
@@ -186,6 +187,18 @@ def prepare(
         static_face_part=visual.face_part,
         reductions=visual.reductions,
     )
+
+
+def _grasped(result: PartResult) -> list[Collider]:
+    """Return the colliders at which a part is grasped: its handle and base plate, without one those by the grasp point.
+
+    Where these are all, as those of a flat front, cuts at its edges leave the grasp as it is.
+    """
+    target = result.target
+    if held := {*target.grasp_parts, target.base_plate or target.id} - {target.id}:
+        return [collider for collider in result.colliders if collider.part in held]
+    near = [each for each in result.colliders if contains(each.mesh, target.point[None], HELD).all()]
+    return near if len(near) < len(result.colliders) else []
 
 
 def _notes(scene: Scene, fixed: Mapping[str, SimBody], trimmed: Sequence[str]) -> tuple[str, ...]:

@@ -290,13 +290,18 @@ def _sheets(surface: _Surface, config: RoomConfig) -> list[Mesh]:
 
 
 def _split(piece: Mesh) -> list[Mesh]:
-    """Return a surface in parts: what is not connected, else level and other faces, else both halves of its longest side."""
+    """Return a surface in parts: its large components and the small ones as one, such as a plant's leaves.
+
+    Of one component level and other faces; of that, and of small ones alone, both halves of the longest side.
+    """
     number = components(piece)
-    if number.max() > 0:
-        return [keep(piece, number == k) for k in range(number.max() + 1)]
+    area = np.bincount(number, weights=piece.face_areas)
+    large, small = np.flatnonzero(area >= FRAGMENT).tolist(), area[number] < FRAGMENT
+    if len(area) > 1 and large:
+        return [*(keep(piece, number == k) for k in large), *([keep(piece, small)] if small.any() else [])]
     level = normals(piece)[:, 2] > TILT
     share = float(piece.face_areas[level].sum() / max(piece.face_areas.sum(), 1e-12))
-    if not MIXED < share < 1.0 - MIXED:
+    if len(area) > 1 or not MIXED < share < 1.0 - MIXED:
         at = centroids(piece)[:, int(np.ptp(piece.bounds, axis=0).argmax())]
         level = at < at.mean()
         if level.all() or not level.any():

@@ -131,9 +131,9 @@ def cover(spec: RobotSpec) -> dict[str, np.ndarray]:
     links, balls = [], []
     for name, solids in hulls(spec).items():
         for solid in solids:
-            covering = _cover(solid, FINGER_BULGE if name in fingers else BULGE)
-            links += [name] * len(covering)
-            balls += covering
+            around = covering(solid, FINGER_BULGE if name in fingers else BULGE)
+            links += [name] * len(around)
+            balls += around
     table = np.array(balls).round(ROUND)
     return {"link": np.array(links), "center": table[:, :3], "radius": table[:, 3]}
 
@@ -150,7 +150,7 @@ def hulls(spec: RobotSpec) -> dict[str, list[trimesh.Trimesh]]:
     return solids
 
 
-def _cover(solid: trimesh.Trimesh, bulge: float) -> list[tuple[float, ...]]:
+def covering(solid: trimesh.Trimesh, bulge: float) -> list[tuple[float, ...]]:
     """Return few spheres (center and radius) that cover the surface of a convex solid and stand out of it by `bulge` [m] at most.
 
     Spheres around inner points, taken in turn, where they cover something that is still bare, until 1 % of it is.
@@ -160,7 +160,10 @@ def _cover(solid: trimesh.Trimesh, bulge: float) -> list[tuple[float, ...]]:
     inner = np.random.default_rng(0).uniform(low, high, (20000, 3))
     planes = ConvexHull(solid.vertices).equations
     depth = -(inner @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-    inner, radius = inner[depth > 0.0][:6000], depth[depth > 0.0][:6000] + bulge
+    middle = solid.vertices.mean(axis=0)
+    # the last reach every point: in a slanted rod few others lie
+    inner = np.concatenate([inner[depth > 0.0][:6000], middle + 0.98 * (surface - middle)])
+    radius = -(inner @ planes[:, :3].T + planes[:, 3]).max(axis=1) + bulge
     bare, enough, balls = surface, 0.01 * len(surface), []
     for center, reach in zip(inner, radius, strict=True):
         if len(bare) <= enough:

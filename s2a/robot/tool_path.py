@@ -171,7 +171,8 @@ def follow(
             which it stays is among those found.
     """
     local = np.linalg.inv(bases)[:, None] @ (poses if poses.ndim == 4 else poses[None])
-    counts = np.where(kin.may_reach(local).all(axis=1), ik_seeds, 0)
+    near_enough = kin.may_reach(local).all(axis=1) | kin.may_reach(local @ HALF_TURN).all(axis=1)
+    counts = np.where(near_enough, ik_seeds, 0)
     if not counts.any():
         return [np.empty((0, local.shape[1], len(kin.lower))) for _ in bases]
     owner = np.tile(np.repeat(np.arange(len(bases)), counts), 2)

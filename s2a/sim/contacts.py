@@ -314,6 +314,10 @@ def newton_depths(
         contacts = pipeline.contacts()
         pipeline.collide(model.state(), contacts)
     count = int(contacts.rigid_contact_count.numpy()[0])
+    if count > CONTACTS * len(pairs):
+        raise RuntimeError(
+            f"{count} contacts of {len(pairs)} pairs of hulls, more than the {CONTACTS} each that are kept"
+        )
     ends, points = (
         np.stack([getattr(contacts, f"rigid_contact_{name}{k}").numpy()[:count] for k in range(2)])
         for name in ("shape", "point")

@@ -41,7 +41,8 @@ def drawers(gap: float, joint: Joint = OUT) -> RestingRoom:
 
 def trimmed(room: RestingRoom, *frozen: str) -> dict[str, SimBody]:
     """Return the bodies of a room, trimmed apart."""
-    return trim_apart(room.bodies, room.joints, room.parents, dict.fromkeys(room.joints, ["handle"]), frozen, CONFIG)
+    handles = {i: [c for c in room.bodies[i].colliders if c.part == "handle"] for i in room.joints}
+    return trim_apart(room.bodies, room.joints, room.parents, handles, frozen, CONFIG)
 
 
 def pairs_of(room: RestingRoom) -> dict[str, dict[str, float]]:
@@ -55,7 +56,9 @@ def test_a_planted_overlap_is_found_in_both_engines_and_trimmed(engine: Engine) 
     # The fronts overlap by 13 mm; a post of the cabinet stands 12 mm in the lower one's side and a bar 5 cm before it.
     room = drawers(-0.013)
     post, bar = ((0.0, 0.208, 0.1), (0.05, 0.04, 0.2)), ((0.1, 0.15, 0.05), (0.02, 0.02, 0.02))
-    room = replace(room, bodies={**room.bodies, "cabinet": body("cabinet", post, bar)})
+    cabinet = body("cabinet", post, bar)
+    cabinet = replace(cabinet, colliders=tuple(replace(each, part="cabinet") for each in cabinet.colliders))
+    room = replace(room, bodies={**room.bodies, "cabinet": cabinet})
     found = room.overlaps("drawer_1", engine)
     assert found["drawer_2"].rest == pytest.approx(0.013, abs=1e-4)
     assert found["cabinet"].rest == pytest.approx(0.012, abs=1e-4)
@@ -100,9 +103,26 @@ def test_a_real_collision_keeps_both_whole_and_its_filter(center: tuple, size: t
     frozen = replace(body("drawer_2", (center, size)), id="cabinet")
     room = drawers(0.5)
     room = replace(room, bodies={"drawer_1": room.bodies["drawer_1"], "cabinet": frozen}, joints={"drawer_1": OUT})
-    assert trimmed(room, "drawer_2") == room.bodies
+    assert trimmed(room, "drawer_2") == room.bodies == trimmed(room)
     # furniture gives way, but does not vanish: the first two lie in the path as a whole
+    room.bodies["cabinet"] = body("cabinet", (center, size))
     assert (trimmed(room) == room.bodies) == (center[0] > 0.0)
+
+
+def test_no_hull_of_many_vanishes_and_a_pane_is_cut_no_more_than_a_part() -> None:
+    # Before a front of 4 % of its drawer's hulls stands a leaf that moves, too: what one leaves of the other is half.
+    drawer = body("drawer", ((-0.26, 0.0, 0.1), (0.48, 0.38, 0.19)), ((0.0, 0.0, 0.1), (0.02, 0.4, 0.2)))
+    room = drawers(0.5)
+    both = {"drawer_1": drawer, "drawer_2": body("drawer_2", ((0.0, 0.0, 0.1), (0.02, 0.6, 0.4)))}
+    room = replace(room, bodies=both, joints={"drawer_1": OUT, "drawer_2": replace(OUT, limits=(0.0, 0.01))})
+    assert trim_apart(room.bodies, room.joints, room.parents, {}, [], CONFIG) == both
+    # a window's frame gives way to its sash, a pane beside that only by what it can bear
+    post, pane = ((0.0, -0.21, 0.1), (0.04, 0.03, 0.3)), ((0.0, 0.3, 0.1), (0.004, 0.4, 0.2))
+    aside = replace(OUT, axis=(0.0, 1.0, 0.0))
+    both = {"drawer_1": front("drawer_1", 0.0), "cabinet": body("cabinet", post, pane)}
+    left = trimmed(replace(room, bodies=both, joints={"drawer_1": aside}))
+    (was, glass), (now, same) = both["cabinet"].colliders, left["cabinet"].colliders[-2:]
+    assert same is glass and 0.0 < volume(now.mesh) < volume(was.mesh)
 
 
 def test_what_is_thinner_than_a_step_is_found_and_filtered_late_on_a_path() -> None:

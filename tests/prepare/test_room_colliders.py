@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from s2a.prepare.room_hulls import RoomConfig, cut_all, part_hulls
 from s2a.scan.rest import UNANNOTATED
@@ -26,6 +27,22 @@ def test_what_is_left_of_a_cut_piece_is_kept_unless_it_is_too_small() -> None:
     assert cut_all(
         box(np.zeros(3), np.eye(3), np.full(3, 0.01)), [box(np.full(3, 1.0), np.eye(3), np.ones(3))], min_volume=1.0
     )
+
+
+def test_what_is_many_small_components_keeps_its_hulls() -> None:
+    # a plant: 80 leaves of 8 by 4 cm, each a component smaller than what is left out, in a ball of 0.5 m
+    random = np.random.default_rng(0)
+    turned = Rotation.random(80, random_state=0).as_matrix()
+    leaf = np.array([[-0.04, -0.02, 0.0], [0.04, -0.02, 0.0], [0.04, 0.02, 0.0], [-0.04, 0.02, 0.0]])
+    places = random.normal(size=(80, 1, 3))
+    places *= 0.25 * random.random((80, 1, 1)) ** (1 / 3) / np.linalg.norm(places, axis=2, keepdims=True)
+    points = (leaf @ turned + places).reshape(-1, 3)
+    faces = (4 * np.arange(80)[:, None, None] + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3)
+    hulls = part_hulls(Part("plant", Mesh(points, faces)), RoomConfig(resolution=10000))
+    on = np.any([contains(each.mesh, places[:, 0], 0.03) for each in hulls], axis=0)
+    assert on.mean() > 0.95
+    middle = np.stack([g.ravel() for g in np.meshgrid(*3 * [np.linspace(-0.3, 0.3, 13)])], axis=1)
+    assert len(hulls) > 6 or np.any([contains(each.mesh, middle) for each in hulls], axis=0).mean() < 0.5
 
 
 def area_of_floor(pieces: list[Mesh], surface: float) -> float:

@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from s2a import robot
-from s2a.robot.collision import BULGE, FINGER_BULGE, hulls, robot_shape
+from s2a.robot.collision import BULGE, FINGER_BULGE, covering, hulls, robot_shape
 
 
 @pytest.mark.parametrize("name", robot.names())
@@ -25,6 +25,15 @@ def test_the_spheres_cover_the_links_and_little_more(name: str) -> None:
             assert gap.max() < 0.01
     bulge = np.where(shape.fingers, FINGER_BULGE, BULGE)
     assert _outwards(spec, shape, poses, centers).max() < 0.002 + bulge.max()
+
+
+def test_spheres_cover_a_thin_slanted_rod() -> None:
+    # of random points in its bounds nearly none lie in it
+    rod = trimesh.creation.cylinder(0.005, 0.6, transform=trimesh.transformations.euler_matrix(0.7, 0.6, 0.0))
+    *centers, radii = np.array(covering(rod.convex_hull, BULGE)).T
+    points = rod.sample(1000, seed=1)
+    bare = (np.linalg.norm(points[:, None] - np.stack(centers, axis=1), axis=2) > radii).all(axis=1)
+    assert bare.mean() < 0.02 and radii.max() <= 0.005 + BULGE
 
 
 def _outwards(spec, shape, poses, centers):

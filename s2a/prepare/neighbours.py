@@ -32,11 +32,8 @@ TRIED = 8  # Planes between two hulls that are tried, those with the thinnest ov
 # opens into a neighbour's handle, and both stay whole. Chosen: hulls bulge over a scan by 1 to 2 cm on both sides, a fifth of
 # a front 0.2 m high; a hull may be a strip of that, of which half still stands where it was scanned
 MAX_LOSS, MAX_HULL_LOSS = 0.2, 0.5
-MUCH, ON_HULL, SAMPLES = (
-    0.5,
-    0.01,
-    2000,
-)  # Loss of furniture that is logged; its surface: on a hull within [m], points of it
+MUCH = 0.5  # Loss of furniture that is logged, with how much of its surface, by SAMPLES points, is within ON_HULL of a hull
+ON_HULL, SAMPLES = 0.01, 2000  # [m]
 STEP = 0.1  # [rad] Section of a turn that neighbours are cut free of
 
 _log = logging.getLogger(__name__)
@@ -147,10 +144,10 @@ def trim_apart(
 ) -> dict[str, SimBody]:
     """Return bodies whose colliders stay apart: by GAP while one part moves, by GAP / 2 at rest.
 
-    Furniture gives way to its parts: a frame gets a rebate; what is fixed to it, such as a pane, bears MAX_LOSS. Of a part and another one in its path, which begins at rest, the
-    one gives way that loses less, by planes beyond which it stays whole. Where that would be more than MAX_LOSS of a part, half
-    of one hull, or a piece of what is grasped, both stay as they are on the path; at rest, the plane between them that takes the least volume
-    parts them, under the same conditions.
+    Furniture gives way to its parts: a frame gets a rebate; what is fixed to it, such as a pane, bears MAX_LOSS. Of a part and
+    another one in its path, which begins at rest, the one gives way that loses less, by planes beyond which it stays whole.
+    Where that would be more than MAX_LOSS of a part, MAX_HULL_LOSS of one hull, or a piece of what is grasped, both stay as
+    they are on the path; at rest, the plane between them that takes the least volume parts them, under the same conditions.
 
     Args:
         bodies: articulated parts and furniture by id.

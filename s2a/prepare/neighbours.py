@@ -177,8 +177,8 @@ def trim_apart(
             moving = [collider.mesh for body in group for collider in hulls.bodies[body]]
             if paths := [path for mesh in moving for path in hulls.paths(mesh, joints[part], boxes)]:
                 hulls.recess(other, paths, firm)
-    for i, body in bodies.items():
-        hulls.warn(i, body)
+    for i, whole in bodies.items():
+        hulls.warn(i, whole)
     return {i: replace(body, colliders=tuple(hulls.bodies[i])) for i, body in bodies.items()}
 
 

@@ -33,7 +33,7 @@ class Config:
     Attributes:
         scan: folder of the scan; its annotation, if it has one, is read for `edit` alone.
         out: folder that is written: the mesh, Articulate3D's two files, and annotate.json.
-        auto: Propose fronts, joints and handles, as a network sees them.
+        auto: Propose fronts, joints and handles, by a network.
         edit: Begin with the scan's annotation by Articulate3D; what is not edited is written as it was.
         page: Serve the page, until Ctrl-C; without it, proposals are written as they are.
         port: of the page's server; the next free one where it is taken.

@@ -66,9 +66,9 @@ class Config(EpisodesConfig):
         perception: network that estimates the parts from depth frames instead of the true poses: pretrained, or a file of s2a
             perceive; null: none.
         perception_frames: how many of each part's frames in the pool count, by the median of their estimates.
-        grasp_error: how far from the true grasp policy and planner see it [m], in any direction; null: as far as in a trained
-            policy's training, and the planner knows the true one.
-        grasp_turn: by how much it is turned [degree], about any axis; null: likewise.
+        grasp_error: distance of the observed grasp from the true one [m], in a random direction; null: as in a
+            trained policy's training, and the planner observes the true one.
+        grasp_turn: its rotation off the true one [degree], about a random axis; null: likewise.
     """
 
     policy: str

@@ -37,7 +37,7 @@ class Config(WorldsConfig):
     Attributes:
         out: folder of the dataset; an existing one is continued.
         episodes: that succeed, with those that are there already.
-        policy: that drives the robot: null, the planner; pretrained; or a model_N.onnx.
+        policy: policy that drives the robot: null, the planner; pretrained; or a model_N.onnx.
         instruction: what the robot is to do, in words; null: what the task is, and the label.
         every: control steps a frame.
         format: lerobot: LeRobotDataset v3.0; robomimic: HDF5 as robomimic reads it.
@@ -104,7 +104,7 @@ def run(config: Config) -> str:
         began, first, run_episodes = time.perf_counter(), dataset.count, 0
         while dataset.count < config.episodes:
             if run_episodes >= PATIENCE * config.num_envs and dataset.count == first:
-                raise InputError(f"none of {run_episodes} episodes succeeded; see what s2a evaluate says of this part")
+                raise InputError(f"none of {run_episodes} episodes succeeded; see the report of s2a evaluate on it")
             # A dataset that is continued begins no episode twice: of each start at least one is past its seed.
             seed = config.seed + dataset.count + run_episodes
             run_episodes += config.num_envs

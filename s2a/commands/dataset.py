@@ -1,4 +1,4 @@
-"""Command `s2a dataset`: take many captures through all stages, to an index of parts and a verdict a room."""
+"""Command `s2a dataset`: take many captures through all stages, to an index of parts and a verdict per room."""
 
 import json
 from collections.abc import Mapping
@@ -54,7 +54,7 @@ class Config:
         jobs: rooms that are made at once, each in a process of its own.
         stages: what is done beyond the preparation: check the annotation, export both flavours of USD, certify, run the planner.
         episodes: of the planner, for each part.
-        robot: the robot, as panda or baxter.
+        robot: the robot, such as panda or baxter.
         prepare: how the scenes are prepared.
         sim: how physics is stepped.
         task: what the robot has to do with each part.

@@ -82,7 +82,7 @@ class Config(SeenWorldsConfig):
     Attributes:
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
-        policy: that drives the robot instead: model_N.onnx, as `s2a train export=true` writes it; pretrained: the bundled one; or
+        policy: policy in its place: model_N.onnx, as `s2a train export=true` writes it; pretrained: the bundled one; or
             null.
         agent: baseline in its place: zero (actions of 0), random (uniform in [-1, 1]), extreme (-1 and 1, held for up
             to four seconds); or null.
@@ -92,7 +92,7 @@ class Config(SeenWorldsConfig):
         recordings: folder for joint positions and torques, a CSV file for each world, which `s2a identify` reads, or null.
         states: npz file for the pose of everything after every control step, which `s2a view` plays, or null; with
             physics=soft one for tools/soft_images.py.
-        camera: how they are taken.
+        camera: how images are taken.
         physics: rigid, or soft: the planner picks and places a teddy bear, in worlds that are simulated one after the other.
     """
 

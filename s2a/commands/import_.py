@@ -48,7 +48,7 @@ class Config:
             [m] that are added to a point in the depth camera's coordinates; null: as the format says.
         voxel: edge of the voxels that frames are fused in [m].
         far: larger depths are left out [m].
-        every: use every so many frames.
+        every: use every n-th frame.
         texel: length of edges at which faces stop being split where a texture has detail [m].
         up: the file's up direction, an axis or a vector; auto: as the file states, or by the room's surfaces.
         level: Correct a small tilt of the up direction to the floor's.
@@ -57,7 +57,7 @@ class Config:
         image: PNG file with the levelled room and its axes, or null.
         scan: folder of the scan that predictions belong to.
         predictions: JSON or pickle file with masks and joints, or the URDF of one object, which needs box or object.
-        box: that the object of a URDF fills: centre and extents [m], in the coordinates of the scan's file, and the angle of its
+        box: box that the object of a URDF fills: centre and extents [m], in the scan file's coordinates, and the angle of its
             x axis about z [rad]; null for other predictions.
         object: id of the part of the scan that the URDF describes, instead of its box; null otherwise.
         min_score: predictions with a lower score are left out.

@@ -30,7 +30,7 @@ class Config:
         out: folder of perception.pt, the network; estimates.npz; and errors.json.
         folds: networks of which each is trained on the rooms of the others; their estimates are what a camera makes of parts
             that a network was not trained on, for a policy to be trained with.
-        robot: the robot that the parts were prepared for, as panda or baxter.
+        robot: the robot that the parts were prepared for, such as panda or baxter.
         network: how it is trained.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the networks and of what is drawn.

@@ -24,7 +24,7 @@ class EpisodesConfig:
         num_envs: worlds that are stepped together; under torchrun, of each process.
         device: cpu, cuda:0, or auto: a GPU where there is one, and each process of torchrun its own.
         seed: of the start noise, and of a network that is trained.
-        robot: the robot that the stage was prepared for, as panda or baxter.
+        robot: the robot that the stage was prepared for, such as panda or baxter.
         sim: how physics is stepped.
         task: what the robot has to do.
         metrics: what is reported of an episode.

@@ -268,7 +268,7 @@ class Chat:
         try:
             self._client = openai.OpenAI(timeout=config.timeout, max_retries=config.attempts)
         except (openai.OpenAIError, httpx2.InvalidURL, ValueError) as error:
-            raise InputError(f"the model's endpoint cannot be asked: {error}; check OPENAI_BASE_URL") from error
+            raise InputError(f"the model's endpoint cannot be reached: {error}; check OPENAI_BASE_URL") from error
 
     def __call__(self, request: Request) -> Answer:
         """Return the model's answer; an empty one if it declines.

@@ -80,9 +80,9 @@ class PrepareSettings:
         stage: the geometric.usd.
         targets: articulated parts that a robot can move: all, the id of one such as drawer_7, several, or none: []; all others
             are frozen.
-        free: ids of objects that lie about freely instead of being one with the room, such as [teddy_bear_12].
+        free: ids of objects that become free bodies instead of part of the room, such as [teddy_bear_12].
         out: the sim.usd to write; its visuals are written beside it.
-        robot: the robot that is to move them, as panda or baxter.
+        robot: the robot that is to move them, such as panda or baxter.
         prepare: how the scene is prepared.
         refine_joints: Correct annotated joints by what the scan shows of their parts and furniture (docs/refinement.md).
         refine: how far furniture and annotations are trusted then.
@@ -142,7 +142,7 @@ def prepare(
         targets: ids of the parts that move, or "all": every one that can be prepared; the others are left out with a warning.
             Joints that are not among them are frozen at the scanned pose.
         config: how.
-        free: ids of objects that lie about freely instead of being one with the room.
+        free: ids of objects that become free bodies instead of part of the room.
         spec: the robot that is to move them; None: the Panda.
 
     Raises:

@@ -207,7 +207,7 @@ def _undeclared(
     """
     give = "give up=y or up=z (or x, -x, -y, -z) or a vector, as up=[0,-0.8,-0.6]"
     if not candidates:
-        raise InputError(f"the up axis cannot be told from the surface, which is flat nowhere; {give}")
+        raise InputError(f"the up axis cannot be determined from the surface, which is flat nowhere; {give}")
     odds = _odds(candidates, hint.up if hint else None, _HINT)
     best = int(np.argmax(odds))
     # A hint, too, tells a strip along a wall from a low room, and a table top from a floor.
@@ -215,7 +215,7 @@ def _undeclared(
     needed = _SURE_BY_HINT if hint else upright.required(candidates, candidates[best])
     if odds[best] < needed or reasons:
         why = f" ({'; '.join(reasons)})" if reasons else f" (less sure than {needed:.2f})"
-        raise InputError(f"the up axis cannot be told from the room{why}: {_list(candidates, odds)}; {give}")
+        raise InputError(f"the up axis cannot be determined from the room{why}: {_list(candidates, odds)}; {give}")
     floor = upright.floor_normal(mesh, candidates[best].up)
     direction = candidates[best].up if floor is None else floor
     axis = _axis(direction)
@@ -305,7 +305,7 @@ def _unit(height: float, stated: Stated, unit: str) -> tuple[float, str, tuple[s
         doubt = f"the room would be {height * UNITS[possible[0]]:.2f} m high in {possible[0]}; if it is not, give unit="
         return UNITS[possible[0]], f"the only unit in which {height:.4g} is a room's height", (doubt + "m|cm|mm|in",)
     raise InputError(
-        f"the unit cannot be told: what was scanned is {height:.4g} units high, "
+        f"the unit cannot be determined: what was scanned is {height:.4g} units high, "
         f"{'a room in ' + ' and in '.join(possible) if possible else 'no room in m, cm, mm or in'}; give unit=m|cm|mm|in"
     )
 

@@ -74,7 +74,7 @@ def read_keyframes(folder: Path) -> list[Keyframe]:
     """Return the photos that the folder of a scan keeps; InputError: none there, or a damaged list."""
     path = folder / KEYFRAMES / KEYFRAME_LIST
     if not path.is_file():
-        raise InputError(f"{folder}: keeps no photos; only a scan of s2a import frames=RECORDING has them")
+        raise InputError(f"{folder}: has no photos; only a scan of s2a import frames=RECORDING has them")
     try:
         records = json.loads(path.read_text(encoding="utf-8"))["frames"]
         frames = [

@@ -95,7 +95,7 @@ def _elements(body: bytes, layout: list[tuple[str, Layout]], order: str, text: b
         rows, at = _rows(body, at, count, wide, order)
         elements[name] = _element(count, properties, rows)
     if body[at:].strip():
-        raise ValueError(f"{len(body) - at} bytes more than its header tells")
+        raise ValueError(f"{len(body) - at} bytes more than its header states")
     return elements
 
 

@@ -44,7 +44,7 @@ class _Restricted(pickle.Unpickler):
         stand_in = _STAND_INS.get((module.replace("numpy.core", "numpy._core"), name))
         if stand_in is None:
             raise InputError(
-                f"the pickle asks for {reprlib.repr(module + '.' + name)}, which may run code; "
+                f"the pickle loads {reprlib.repr(module + '.' + name)}, which may run code; "
                 "save numpy arrays in dictionaries (tensor.cpu().numpy()), or JSON"
             )
         return stand_in

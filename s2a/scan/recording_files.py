@@ -199,7 +199,7 @@ def time_in_name(path: Path) -> float:
     try:
         return float(path.stem.rsplit("_", 1)[-1])
     except ValueError as error:
-        raise InputError(f"{path}: its name ends with no time; ARKitScenes has <video>_<seconds>") from error
+        raise InputError(f"{path}: its name does not end with a time; ARKitScenes has <video>_<seconds>") from error
 
 
 def file_at(files: list[tuple[float, Path]], time: float) -> Path | None:

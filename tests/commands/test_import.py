@@ -108,7 +108,7 @@ def test_a_stated_unit_that_cannot_be_is_refused_and_one_given_is_taken(
 
 def test_a_box_alone_has_no_up_axis(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trimesh.creation.box((2, 2, 2)).export(tmp_path / "box.ply")
-    refused(capsys, tmp_path, tmp_path / "box.ply", "up axis cannot be told", "give up=y or up=z")
+    refused(capsys, tmp_path, tmp_path / "box.ply", "up axis cannot be determined", "give up=y or up=z")
 
 
 @pytest.mark.parametrize("part", [{"texture": False}, {"library": False}])

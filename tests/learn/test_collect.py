@@ -159,7 +159,7 @@ def test_what_never_succeeds_ends_in_one_line(
     ]
     assert cli.main(["collect", *keys]) == 2
     error = capsys.readouterr().err
-    assert "none of 10 episodes succeeded; see what s2a evaluate says of this part" in error
+    assert "none of 10 episodes succeeded; see the report of s2a evaluate on it" in error
     assert "an episode of 3 steps cuts the plan off; give task.episode_steps=" in error
 
 

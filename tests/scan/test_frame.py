@@ -182,5 +182,5 @@ def test_the_height_tells_the_unit_also_of_a_part_of_a_room(height: float, unit:
 
 def test_a_height_that_is_none_is_asked_for() -> None:
     box = trimesh.creation.box((40, 40, 20))
-    with pytest.raises(InputError, match="the unit cannot be told"):
+    with pytest.raises(InputError, match="the unit cannot be determined"):
         frame.find(box.vertices, box.faces, Stated(), "z", "auto")

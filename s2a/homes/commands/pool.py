@@ -45,7 +45,7 @@ class Config:
         depth_camera: the camera that takes them.
         detail: the scanner of the rooms, as of s2a sample.
         annotator: the errors of their annotation, likewise.
-        robot: the robot, as panda or baxter.
+        robot: the robot, such as panda or baxter.
         prepare: how the scenes are prepared.
         sim: how physics is stepped where the parts are trained on: how fast a motion may be.
         task: what the robot has to do with each part.

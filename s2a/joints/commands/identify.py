@@ -32,17 +32,17 @@ class Config:
     Attributes:
         stage: the sim.usd.
         part: id of the articulated part; null: the only one of the stage.
-        pulls: recordings, CSV files: of a hand with the columns time [s], opening [m] (path of the grasp point) and force [N]
+        pulls: CSV files: of a force gauge with the columns time [s], opening [m] (path of the grasp point) and force [N]
             (along it); or of the robot, with its joints and their torques, as `s2a evaluate recordings=...` writes them. Or
             folders of LeRobot datasets, whose features have these names; an episode is a recording.
         episodes: of each dataset, by number; none: all.
-        robot: the robot of its own recordings, as panda or baxter; it stood where the stage has its base.
+        robot: the robot of its own recordings, such as panda or baxter; it stood where the stage has its base.
         torques_carry_weight: Take the recorded torques as carrying the robot's own weight too.
-        soft_close_reach: path of the grasp point from shut over which a soft close acts, if the part has one and the stage does
-            not say [m].
+        soft_close_reach: path of the grasp point from the closed pose over which a soft close acts, if the part has one and the
+            stage does not state it [m].
         out: the layer to write over the stage, *.usda, which every command takes in its place.
         record: a JSON file for the numbers too, or null.
-        noise: how far the recordings' samples are off.
+        noise: standard deviations of the recorded samples.
         device: cpu, cuda:0, or auto: a GPU where there is one.
     """
 

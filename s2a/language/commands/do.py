@@ -44,12 +44,12 @@ class Config:
         replans: plans that a model is asked for after a skill has failed.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the start noise.
-        robot: the robot that the stage was prepared for, as panda or baxter.
+        robot: the robot that the stage was prepared for, such as panda or baxter.
         sim: how physics is stepped, the same for all skills.
         tasks: files of further tasks, each a skill by the name of its file (docs/new_task.md).
         skills: the task of each skill, and the thresholds of its metrics.
         planner: the planner's motion.
-        policy: that does the skills of its task in the planner's place: an .onnx, or pretrained, which opens; null: none does.
+        policy: policy for the skills of its task, instead of the planner: an .onnx, or pretrained, which opens; null: none.
         camera: how images are taken.
     """
 

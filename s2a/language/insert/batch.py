@@ -199,7 +199,7 @@ def _read_list(path: Path) -> list[tuple[str, str]]:
 def _words(value: object) -> str:
     """Return a value of an entry as text; nothing that is put together, which YAML's aliases can make endless."""
     if not isinstance(value, (str, int, float)):
-        raise TypeError(f"a {type(value).__name__} where a text belongs")
+        raise TypeError(f"a {type(value).__name__}; expected a text")
     return str(value)
 
 

@@ -189,7 +189,7 @@ def measured_points(images: Iterable[Image], step: int = 8) -> np.ndarray:
     """
     points = np.concatenate([_points(image, step) for image in images])
     if not len(points):
-        raise InputError("no frame has depth that is near enough and sure; raise far, or check the unit of depth")
+        raise InputError("no frame has depth that is near and confident enough; raise far, or check the unit of depth")
     return points
 
 

@@ -118,14 +118,14 @@ def _refuse_loose(part: str, joints: dict[str, Usd.Prim], path: Path) -> None:
     while _moves(joints.get(carriers[-1])):
         carriers.append(_parent(joints[carriers[-1]]))
         if carriers[-1] in carriers[:-1] or carriers[-1] not in joints:
-            raise InputError(f"{path}: {part!r} hangs on {carriers[-1]!r}, which nothing fixes; {PREPARE_AGAIN}")
+            raise InputError(f"{path}: {part!r} is jointed to {carriers[-1]!r}, which nothing fixes; {PREPARE_AGAIN}")
 
 
 def _parent(joint: Usd.Prim) -> str:
     """Return the id of the body that a joint hangs on."""
     parents = UsdPhysics.Joint(joint).GetBody0Rel().GetTargets()
     if len(parents) != 1:
-        raise InputError(f"{where(joint)} hangs on {len(parents)} bodies, not on one; {PREPARE_AGAIN}")
+        raise InputError(f"{where(joint)} is jointed to {len(parents)} bodies, not on one; {PREPARE_AGAIN}")
     return parents[0].name
 
 

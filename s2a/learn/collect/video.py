@@ -291,7 +291,9 @@ class Encoders:
         try:
             answers = [pipe.recv() for pipe in self._pipes]
         except (EOFError, ConnectionError) as error:
-            raise InputError("an image encoder has ended, perhaps out of memory; free some, or lower num_envs") from error
+            raise InputError(
+                "an image encoder has ended, perhaps out of memory; free some, or lower num_envs"
+            ) from error
         for number, reason in (answer for good, answer in answers if not good):
             raise OSError(number, reason) if number in FULL else InputError(f"images cannot be written: {reason}")
         return [answer for _, answer in answers]

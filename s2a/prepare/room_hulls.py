@@ -273,7 +273,7 @@ def _sheets(surface: _Surface, config: RoomConfig) -> list[Mesh]:
     """
     number, done, pieces = count(), list[Mesh](), [surface.mesh]
     left: list[tuple[float, int, Mesh]] = []
-    while pieces:
+    while pieces or left:
         for piece in pieces:
             solid = hull(piece.vertices, config.max_vertices)
             small = len(piece.faces) == 1 or np.ptp(piece.bounds, axis=0).max() < SMALLEST
@@ -282,9 +282,15 @@ def _sheets(surface: _Surface, config: RoomConfig) -> list[Mesh]:
                 heappush(left, (-air, next(number), piece))
             else:
                 done.append(piece)
-        pieces = []
-        if left and len(left) + len(done) < config.surface_hulls:
-            pieces = [each for each in _split(heappop(left)[2]) if each.face_areas.sum() >= FRAGMENT]
+        if not left or len(left) + len(done) >= config.surface_hulls:
+            break
+        whole = heappop(left)[2]
+        parts = _split(whole)
+        pieces = [p for p in parts if p.face_areas.sum() >= FRAGMENT or np.ptp(p.bounds, axis=0).max() >= SMALLEST]
+        if (
+            whole.face_areas.sum() >= FRAGMENT
+        ):  # fragments are left out where little else is near, unlike a plant's leaves
+            pieces = pieces or parts
     hulls = [_backed(piece, config) for piece in (*done, *(piece for *_, piece in left))]
     return [each for each in hulls if each is not None]
 

@@ -40,9 +40,8 @@ def test_what_is_many_small_components_keeps_its_hulls() -> None:
     faces = (4 * np.arange(80)[:, None, None] + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3)
     hulls = part_hulls(Part("plant", Mesh(points, faces)), RoomConfig(resolution=10000))
     on = np.any([contains(each.mesh, places[:, 0], 0.03) for each in hulls], axis=0)
-    assert on.mean() > 0.95
-    middle = np.stack([g.ravel() for g in np.meshgrid(*3 * [np.linspace(-0.3, 0.3, 13)])], axis=1)
-    assert len(hulls) > 6 or np.any([contains(each.mesh, middle) for each in hulls], axis=0).mean() < 0.5
+    # nine of ten leaves, and little of the air between them
+    assert on.mean() > 0.9 and sum(volume(each.mesh) for each in hulls) < 0.5 * 4 / 3 * np.pi * 0.25**3
 
 
 def area_of_floor(pieces: list[Mesh], surface: float) -> float:

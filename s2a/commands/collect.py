@@ -36,7 +36,7 @@ class Config(WorldsConfig):
 
     Attributes:
         out: folder of the dataset; an existing one is continued.
-        episodes: that succeed, with those that are there already.
+        episodes: number of successful episodes, existing ones included.
         policy: policy that drives the robot: null, the planner; pretrained; or a model_N.onnx.
         instruction: what the robot is to do, in words; null: what the task is, and the label.
         every: control steps a frame.

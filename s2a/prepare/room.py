@@ -85,7 +85,7 @@ class PrepareSettings:
         robot: the robot that is to move them, such as panda or baxter.
         prepare: how the scene is prepared.
         refine_joints: Correct annotated joints by what the scan shows of their parts and furniture (docs/refinement.md).
-        refine: how far furniture and annotations are trusted then.
+        refine: trust in furniture and annotations.
     """
 
     stage: Path

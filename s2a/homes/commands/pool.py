@@ -40,8 +40,8 @@ class Config:
         scans: further rooms that are no virtual ones: annotated folders of scans, or patterns of them as DIR/*.
         out: folder of the pool; rooms that are in it already are kept.
         jobs: rooms that are made at once.
-        leave_out: families or styles of handles that are not taken.
-        frames: of a depth camera that are taken of each part, for s2a perceive; 0: none.
+        leave_out: families or styles of handles to leave out.
+        frames: number of depth frames per part, for s2a perceive; 0: none.
         depth_camera: the camera that takes them.
         detail: the scanner of the rooms, as of s2a sample.
         annotator: the errors of their annotation, likewise.

@@ -41,7 +41,7 @@ class Config:
         record: a file for the model's answers, to replay them, or null.
         plan_only: Plan and check, and execute nothing.
         retries: answers of the model that may be rejected, of each plan.
-        replans: plans that a model is asked for after a skill has failed.
+        replans: further plans of the model after a skill has failed.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the start noise.
         robot: the robot that the stage was prepared for, such as panda or baxter.

@@ -75,7 +75,7 @@ class InsertSettings:
         plans: number of plans that are requested while there is no room for the earlier ones.
         neighbours: objects near the place that are described to the model when it estimates the size.
         wish: "heed" refuses (exit 2) where the prompt cannot be met; "prefer" then takes another place, with a note.
-        review: Ask a model that sees whether the object looks right in its place, and once for another plan if it does not.
+        review: Let a vision model judge the object in its place, and plan once more if it is wrong.
         script: "plan" writes the script from the plan, which is confined and compared all the same; "model" asks for it.
         llm: the language model.
         placement: placement of an object.

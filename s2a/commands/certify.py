@@ -28,7 +28,7 @@ class Config:
     Attributes:
         stage: the sim.usd.
         part: id of one articulated part, such as drawer_7; null: all of them.
-        out: the folder to write, with report.json and report.html; one of the same stage by the same code is kept.
+        out: the folder to write, with report.json and report.html; an earlier one of this stage and code is kept.
         stamp: write the verdicts into the stage too, with the hash of its content.
         robot: the robot that the stage was prepared for, such as panda or baxter.
         certify: the check suite and its bounds.

@@ -28,7 +28,7 @@ class Config:
     Attributes:
         stage: the index of a pool that was made with frames.
         out: folder of perception.pt, the network; estimates.npz; and errors.json.
-        folds: networks of which each is trained on the rooms of the others; their estimates are what a camera makes of parts
+        folds: networks of which each is trained on the rooms of the others; their estimates are those of parts
             that a network was not trained on, for a policy to be trained with.
         robot: the robot that the parts were prepared for, such as panda or baxter.
         network: how it is trained.

@@ -37,7 +37,7 @@ class Config:
         first: first seed.
         count: how many seeds of each kind.
         homes: further rooms by kind and seed, kitchen_22.
-        scans: further rooms that are no virtual ones: annotated folders of scans, or patterns of them as DIR/*.
+        scans: further rooms, not virtual: annotated folders of scans, or patterns of them as DIR/*.
         out: folder of the pool; rooms that are in it already are kept.
         jobs: rooms that are made at once.
         leave_out: families or styles of handles to leave out.

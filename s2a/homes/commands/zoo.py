@@ -1,4 +1,4 @@
-"""Command `s2a zoo`: write a hundred labelled objects, as untidy as downloads, to insert."""
+"""Command `s2a zoo`: write a hundred labelled objects, as inconsistent as downloads, to insert."""
 
 import json
 from dataclasses import dataclass

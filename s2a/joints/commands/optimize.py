@@ -30,7 +30,7 @@ class Config:
         out: the file to write, for `planner.pull_law`.
         offset: how much farther than predicted an earlier pull of the part ended [m].
         robot: the robot that the stage was prepared for, such as panda or baxter.
-        sim: how physics is stepped: what resists where nothing was identified, gains and limits of the arm.
+        sim: how physics is stepped: resistance where nothing was identified, gains and limits of the arm.
         task: what is done: a part is opened, as far as the planner's motion says, or closed, from where episodes begin.
         planner: the planner's motion.
         pull: costs and bounds of the pull.

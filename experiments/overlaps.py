@@ -117,12 +117,12 @@ def overlaps(room: SimRoom) -> dict:
     around = RestingRoom(room.bodies, joints, parents, room.static_colliders)
     result: dict = {"hulls": sum(len(body.colliders) for body in room.bodies.values())}
     for name, engine in (("mujoco", None), ("newton", newton_depths)):
-        found = {(part, i): each for part in joints for i, each in around.overlaps(part, engine).items()}
+        depths = {(part, i): each for part in joints for i, each in around.overlaps(part, engine).items()}
         result |= {
-            f"{name}_rest_mm": round(1000 * max([each.rest for each in found.values()], default=0.0), 2),
-            f"{name}_range_mm": round(1000 * max([each.travel for each in found.values()], default=0.0), 2),
+            f"{name}_rest_mm": round(1000 * max([each.rest for each in depths.values()], default=0.0), 2),
+            f"{name}_range_mm": round(1000 * max([each.travel for each in depths.values()], default=0.0), 2),
         }
-        above = {pair: each for pair, each in found.items() if each.rest > REST or each.travel > RANGE}
+        above = {pair: each for pair, each in depths.items() if each.rest > REST or each.travel > RANGE}
         if name == "mujoco":
             result["pairs"] = len(above)
             result["deepest"] = [
@@ -172,8 +172,8 @@ def findings(room: SimRoom, simcheck: str) -> dict[str, dict[str, int]]:
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             report = json.loads(done.stdout[done.stdout.index("{") :])
             listed = [each for each in report["findings"] if each["severity"] in ("error", "warning")]
-            found[kind] = dict(Counter(f"{each['check']} ({each['severity']})" for each in listed))
-    return found
+            counts[kind] = dict(Counter(f"{each['check']} ({each['severity']})" for each in listed))
+    return counts
 
 
 def summary(rows: list[dict]) -> dict:

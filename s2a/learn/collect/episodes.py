@@ -262,7 +262,7 @@ class Collector:
                 torch.from_numpy(target.view(np.int16) if kind != "image" else target).copy_(image)
 
     def observed(self, seen: torch.Tensor) -> dict[str, np.ndarray]:
-        """Return what is observed now by the name of its feature, shape [world n] each; `seen`: what the recorder told."""
+        """Return what is observed now by the name of its feature, shape [world n] each; `seen`: what the recorder observed."""
         sim = self._env.sim
         links = sim.body_q[:, sim.layout.tool_body]
         columns = {"observation.state": seen, "observation.tool": _composed(links, self._tool)}

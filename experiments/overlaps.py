@@ -146,7 +146,7 @@ def grasp_hulls(bodies: Mapping[str, SimBody], handles: Mapping[str, set[str]]) 
 
 def findings(room: SimRoom, simcheck: str) -> dict[str, dict[str, int]]:
     """Return the findings of simcheck by format and check, errors and warnings."""
-    sim, found = config.load(SimConfig, config.compose("sim/planner", [])["sim"]), {}
+    sim, counts = config.load(SimConfig, config.compose("sim/planner", [])["sim"]), {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         sim_stage.write(room, folder / "room.usd")

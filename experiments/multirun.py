@@ -21,6 +21,7 @@ from side_by_side import gpu_slots, run
 
 from s2a import tasks
 from s2a.core import config
+from s2a.core.provenance import starts
 from s2a.learn.rl import run_folder
 
 S2A = (sys.executable, "-m", "s2a")
@@ -192,7 +193,7 @@ def collect(job: Job, iterations: int) -> dict[str, Any] | None:
         "env_steps": trained * steps,
         "stage": job.row.stage,
         "settings": {key: value for key, value in settings.items() if key not in NOT_SETTINGS},
-        "starts": run_folder.starts(job.folder / "run"),
+        "starts": starts(job.folder / "run"),
         "evaluation": found,
         "curve": curve(job.folder / "run", steps),
     }

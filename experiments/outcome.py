@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from s2a.learn.rl import run_folder
+from s2a.core import provenance
 
 HOLDS = {
     "grasp_success": "grasped",
@@ -33,7 +33,7 @@ def curve(run: Path, steps: int) -> dict[str, list[float | None]]:
     Returns:
         env_steps and each of CURVES, at evenly spaced iterations up to the last; None where there was nothing to log.
     """
-    rows = run_folder.curve(run)
+    rows = provenance.curve(run)
     kept = rows[:: -max(1, -(-len(rows) // POINTS))][::-1]
     columns = {name: [_short(row.get(name)) for row in kept] for name in CURVES}
     return {"env_steps": [(int(row["iteration"]) + 1) * steps for row in kept], **columns}

@@ -25,10 +25,9 @@ import torch
 import warp as wp
 
 from s2a.core import config
-from s2a.core.provenance import provenance
+from s2a.core.provenance import provenance, times
 from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.ppo import train
-from s2a.learn.rl.run_folder import times
 from s2a.motion.policy import Planner
 from s2a.motion.trajectory import PlannerConfig
 from s2a.sim.simulation import SimConfig, Simulation

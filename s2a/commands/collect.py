@@ -12,11 +12,12 @@ from s2a.core.bounds import Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write, full_disk_reported
 from s2a.core.provenance import provenance
-from s2a.learn.collect.episodes import ABOUT, STAGE, Collector, Dataset, read_stage, temporary, write_stage
+from s2a.learn.collect.episodes import Collector, Dataset, read_stage, temporary, write_stage
 from s2a.learn.evaluate import Policy
 from s2a.learn.rl.policy_file import PolicyFile
 from s2a.learn.rl.run_folder import world_json
 from s2a.motion.policy import Planner
+from s2a.scene.artefacts import DATASET, DATASET_STAGE
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.camera import Views, ViewsConfig
 from s2a.sim.recorder import Recorder
@@ -131,7 +132,7 @@ def format_of(name: Format) -> type[Dataset]:
 
 def _stage(config: Config, task: MdpConfig) -> SimStage:
     """Return the stage of the dataset that is there, or read it, for which some tasks plan."""
-    if not (config.out / STAGE).is_file():
+    if not (config.out / DATASET_STAGE).is_file():
         return config.read_stage()
     stage = read_stage(tasks.task(task.name).Stage, config.stage, config.out)
     other = {"part": config.part not in (None, stage.target), "also": bool(set(config.also) - set(stage.also))}
@@ -143,7 +144,7 @@ def _stage(config: Config, task: MdpConfig) -> SimStage:
 
 def _keep(config: Config, session: Session) -> None:
     """Write what a dataset is of; InputError where it is of something else: its episodes could not be played again."""
-    stage, file = session.stage, config.out / ABOUT
+    stage, file = session.stage, config.out / DATASET
     content = {"part": stage.target, "robot": stage.robot, "seed": config.seed, "views": asdict(config.views)}
     content |= {"stage_sha256": layer_hash(config.stage), "format": config.format}
     content |= {"world": session.collector.features.world, "instances": session.views.instances}

@@ -11,8 +11,9 @@ import torch
 from s2a.core import config as settings
 from s2a.core.bounds import Count
 from s2a.core.errors import InputError
-from s2a.learn.collect.episodes import ABOUT, read_replay, read_stage, restored
+from s2a.learn.collect.episodes import read_replay, read_stage, restored
 from s2a.learn.rl.run_folder import world_of
+from s2a.scene.artefacts import DATASET
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env, task
@@ -38,7 +39,7 @@ class Config:
 
 def run(config: Config) -> str:
     """Play all episodes again and return how many of them succeed."""
-    file = config.dataset / ABOUT
+    file = config.dataset / DATASET
     try:
         about = json.loads(file.read_text())
         total, world = _count(config.dataset), world_of(json.dumps(about["world"]), file)

@@ -1,12 +1,19 @@
-"""Provenance of a result: commit, package versions, device."""
+"""Provenance of a result: commit, package versions, device; the log of a training run."""
 
+import json
+import logging
+import math
 import os
 import platform
 import re
 import subprocess
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from typing import Any
 
+from s2a.core.errors import InputError, required
+
+STARTS = "starts.json"
 PACKAGES = ("s2a", "newton", "warp-lang", "mujoco-warp", "torch", "rsl-rl-lib", "usd-core")
 
 
@@ -57,3 +64,62 @@ def _commit() -> str | None:
         return git("rev-parse", "--short", "HEAD") + ("+" if changed else "")
     except FileNotFoundError:
         return other
+
+
+def starts(out: Path) -> list[dict[str, Any]]:
+    """Return with which code, on which machine and stage a run began and went on; nothing if that was not yet noted.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    file = out / STARTS
+    if not file.is_file():
+        return []
+    try:
+        every = json.loads(file.read_text())
+        if [start["stage_sha256"] for start in every]:
+            return every
+        raise ValueError("it is empty")
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise InputError(
+            f"{file}: not what s2a train writes ({error}); delete it, or train into another folder"
+        ) from error
+
+
+def curve(out: Path) -> list[dict[str, float]]:
+    """Return what TensorBoard logged of episodes, a row an iteration: rates and values by name, and the mean reward.
+
+    Runs of earlier versions have tags that begin with a slash.
+    """
+    events = _events(out)
+    tags = {tag: re.fullmatch(r"(?:Episode)?/(?!rew_|term/)(.+)", tag) for tag in events.Tags()["scalars"]}
+    rows: dict[int, dict[str, float]] = {}
+    for tag, match in tags.items():
+        name = match[1] if match else "reward" if tag == "Train/mean_reward" else ""
+        for event in events.Scalars(tag) if name else ():
+            if math.isfinite(event.value):
+                rows.setdefault(event.step, {"iteration": event.step})[name] = event.value
+    return [rows[i] for i in sorted(rows)]
+
+
+def times(out: Path) -> list[float]:
+    """Return when each iteration was logged [s], on the wall's clock."""
+    return [event.wall_time for event in scalars(out, "Perf/total_fps")]
+
+
+def scalars(out: Path, tag: str) -> list[Any]:
+    """Return the events that TensorBoard logged under a tag, less what was cut; none if it was never logged."""
+    events = _events(out)
+    return events.Scalars(tag) if tag in events.Tags()["scalars"] else []
+
+
+def _events(out: Path) -> Any:
+    """Return what TensorBoard logged in a folder.
+
+    Raises:
+        InputError: the extra "learn" is not installed.
+    """
+    with required():
+        from tensorboard.backend.event_processing.event_accumulator import EventAccumulator  # of the extra "learn"
+    logging.getLogger("tensorboard").setLevel(logging.ERROR)  # it warns of every iteration that was cut
+    return EventAccumulator(str(out), size_guidance={"scalars": 0}).Reload()

@@ -34,6 +34,8 @@ class Artefact:
     fallback: bool = False
 
 
+DATASET = "meta/s2a.json"  # By this file a folder is a dataset of s2a collect; what it is of
+DATASET_STAGE = "meta/stage.json"  # In it: where the robot stood in the room
 TABLE: list[Artefact] = []  # All rows; the first that recognises a path and has the use asked for counts
 # Uses of a row that differ, in words
 SHOWN = {"room": "shown", "tree": "shown", "notes": "shown", "report": "reported"}

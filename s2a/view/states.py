@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 from s2a import robot
 from s2a.core.cache import UNREADABLE
 from s2a.core.errors import InputError
-from s2a.learn.collect.episodes import ABOUT, STAGE
 from s2a.robot.model import add_robot
 from s2a.robot.tool_path import matrices
+from s2a.scene.artefacts import DATASET, DATASET_STAGE
 from s2a.scene.geometry.mesh_ops import merge, painted
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import SimRoom
@@ -161,7 +161,7 @@ PARTS, OBJECTS = "observation.part", "observation.objects"
 def read_demonstrations(root: Path, first: int, count: int) -> States:
     """Read some episodes. `count`: of them at most; InputError: another folder or format, or no such episode."""
     try:
-        about, info, stage = (json.loads((root / name).read_text()) for name in (ABOUT, INFO, STAGE))
+        about, info, stage = (json.loads((root / name).read_text()) for name in (DATASET, INFO, DATASET_STAGE))
         total = int(info["total_episodes"])
         chosen = range(first, min(first + count, total))
         if not chosen:

@@ -15,9 +15,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from s2a.learn.collect.episodes import ABOUT, UNFINISHED, Dataset, Episode, Features, read_replay, temporary
+from s2a.learn.collect.episodes import UNFINISHED, Dataset, Episode, Features, read_replay, temporary
 from s2a.learn.collect.lerobot import IMAGES, LOSSLESS, LeRobot
 from s2a.learn.collect.robomimic import INDEX, Robomimic
+from s2a.scene.artefacts import DATASET
 
 WRITES = ("os.rename", "os.remove", "os.mkdir", "shutil.move", "shutil.rmtree")
 FEATURES = Features(
@@ -110,8 +111,8 @@ def test_a_run_that_was_killed_before_its_first_episode_is_gone_on_with(kind: ty
     root = tmp_path / "set"
     (root / f"{UNFINISHED}x").mkdir(parents=True)
     kind(root, FEATURES)  # killed before anything else was written
-    (root / ABOUT).parent.mkdir()
-    (root / ABOUT).write_text("{}")
+    (root / DATASET).parent.mkdir()
+    (root / DATASET).write_text("{}")
     (root / f"{UNFINISHED}x/0_wrist_image.mp4").write_bytes(b"half")
     dataset = kind(root, FEATURES)
     with temporary(root) as folder:

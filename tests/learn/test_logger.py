@@ -12,7 +12,7 @@ from rsl_rl.utils.logger import Logger
 from settings import load
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from s2a.learn.rl import run_folder
+from s2a.core.provenance import curve
 from s2a.learn.rl.config import PpoConfig, rsl_rl_settings
 from s2a.learn.rl.ppo import LazyLogger, train
 
@@ -57,4 +57,4 @@ def test_a_log_has_a_line_an_iteration_and_tensorboard_the_librarys_tags(
     tags = EventAccumulator(str(tmp_path)).Reload().Tags()["scalars"]
     assert {tag.split("/")[0] for tag in tags} <= {"Episode", "Loss", "Perf", "Policy", "Train"}
     assert {f"Episode/rew_{name}" for name in env.task.REWARDS} <= set(tags)
-    assert not any(name.startswith("rew_") for row in run_folder.curve(tmp_path) for name in row)
+    assert not any(name.startswith("rew_") for row in curve(tmp_path) for name in row)

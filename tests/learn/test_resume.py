@@ -20,6 +20,7 @@ from tensorboard.summary.writer import event_file_writer
 from s2a.commands import train as verb
 from s2a.core import config
 from s2a.core.errors import InputError
+from s2a.core.provenance import scalars
 from s2a.learn.rl import run_folder
 from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import PpoConfig
@@ -81,7 +82,7 @@ def test_the_log_of_an_interrupted_run_is_that_of_a_whole_one(
     metrics = train(CountingEnv(), settings, tmp_path, last)
     assert metrics["first_iteration"] == 3
     assert metrics["env_steps"] == 6 * 8 * 2
-    steps = [event.step for event in run_folder.scalars(tmp_path, "Loss/learning_rate")]
+    steps = [event.step for event in scalars(tmp_path, "Loss/learning_rate")]
     assert steps == [0, 1, 2, 3, 4, 5]
     assert (tmp_path / "train.log").read_text().count("Learning iteration") == 6
 
@@ -200,7 +201,7 @@ def test_a_run_that_was_killed_goes_on(tmp_path: Path) -> None:
     assert metrics["first_iteration"] == done
     assert metrics["env_steps"] == (done + 2) * 8 * 2
     assert "out of order" not in message.stderr, "what was cut is not told as if something were wrong"
-    steps = [event.step for event in run_folder.scalars(out, "Loss/learning_rate")]
+    steps = [event.step for event in scalars(out, "Loss/learning_rate")]
     assert steps == list(range(done + 2))
     state = torch.load(out / f"model_{done + 1}.pt", weights_only=True)["actor_state_dict"]
     assert int(state["obs_normalizer.count"]) == (done + 2) * 8 * 2

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from s2a.core.errors import InputError
+from s2a.core.provenance import starts
 from s2a.learn.rl import run_folder
 from s2a.scene.usd.stamp import write_stamp
 
@@ -106,13 +107,13 @@ def test_a_run_tells_with_what_it_began_and_went_on_and_keeps_to_its_stage(tmp_p
     stage, out = tmp_path / "sim.usda", tmp_path / "run"
     out.mkdir()
     stage.write_text("#usda 1.0\n")
-    assert run_folder.starts(out) == []
+    assert starts(out) == []
     run_folder.keep_start(out, 0, stage, {"commit": "abc"})
     write_stamp(stage, {"drawer_2": True})  # a validation report in between changes nothing
     both = run_folder.keep_start(out, 20, stage, {"commit": "def"})
-    assert run_folder.starts(out) == both
+    assert starts(out) == both
     assert [(start["iteration"], start["commit"]) for start in both] == [(0, "abc"), (20, "def")]
     stage.write_text('#usda 1.0\ndef Xform "other" {}\n')
     with pytest.raises(InputError, match="sim.usda has changed since .*run was begun; resume with what it was"):
         run_folder.keep_start(out, 40, stage, {})
-    assert run_folder.starts(out) == both
+    assert starts(out) == both

@@ -11,12 +11,10 @@ from cabinet import free_cube, write_cabinet
 
 from s2a import robot
 from s2a.core.errors import InputError
-from s2a.learn.collect import episodes
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.stamp import layer_hash
 from s2a.view import states
 from s2a.view import states as played
-from s2a.view.page import room
 from s2a.view.states import States
 
 START = np.array(robot.load("panda").start)
@@ -48,10 +46,6 @@ def test_states_come_back_from_their_file(seen: States, stage: Path, tmp_path: P
         np.testing.assert_array_equal(back.parts["drawer_2"][k], seen.parts["drawer_2"][k])
         np.testing.assert_array_equal(back.objects["cube_9"][k], seen.objects["cube_9"][k])
     assert played.read_played(tmp_path / "states.npz", stage, 1, 4).names == ["world 1"]
-
-
-def test_view_knows_a_dataset_by_the_file_that_collect_writes_first() -> None:
-    assert room.DATASET == episodes.ABOUT
 
 
 def test_another_room_or_world_or_file_is_one_line(seen: States, stage: Path, tmp_path: Path) -> None:

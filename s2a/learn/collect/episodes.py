@@ -19,13 +19,13 @@ from s2a.core.outputs import atomic_write, replace_file
 from s2a.learn.collect.video import CHANNELS, Encoders, FrameMemory, ImageFile, Images, Key
 from s2a.learn.evaluate import Policy
 from s2a.robot.urdf import position_limits
+from s2a.scene.artefacts import DATASET, DATASET_STAGE
 from s2a.scene.usd import sim_stage
 from s2a.sim.camera import CAMERAS, Views
 from s2a.sim.recorder import Recorder
 from s2a.sim.world import SimStage, axis_of
 from s2a.tasks.env import VecEnv
 
-ABOUT = "meta/s2a.json"  # What a dataset is of; the first file that is written
 UNFINISHED = ".unfinished_"  # What the names of folders with images of episodes that are not finished begin with
 REPLAY = "replay/episode_{index:06d}.npz"
 
@@ -87,7 +87,7 @@ class Dataset(Protocol):
 def is_foreign(root: Path) -> bool:
     """Return whether a folder holds files, and none that a run of `s2a collect` began with, even if it was killed at once."""
     names = [path for path in contents(root) if not path.name.startswith(UNFINISHED)] if root.is_dir() else []
-    return bool(names) and not (root / ABOUT).is_file()
+    return bool(names) and not (root / DATASET).is_file()
 
 
 def write_replay(root: Path, index: int, episode: Episode) -> None:
@@ -116,7 +116,6 @@ def read_replay(root: Path, index: int) -> tuple[dict[str, np.ndarray], np.ndarr
 
 
 Stage = TypeVar("Stage", bound=SimStage)
-STAGE = "meta/stage.json"
 OF_THE_ROOM = ("path", "room")  # What is read of the room's file
 
 
@@ -125,14 +124,14 @@ def write_stage(stage: SimStage, root: Path) -> None:
     own = {each.name: getattr(stage, each.name) for each in fields(stage) if each.name not in OF_THE_ROOM}
     empty = replace(stage, room=None)  # type: ignore[arg-type]  # not to be copied
     values = {name: value for name, value in asdict(empty).items() if name in own}
-    (root / STAGE).parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(root / STAGE) as out:
+    (root / DATASET_STAGE).parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(root / DATASET_STAGE) as out:
         out.write_text(json.dumps(values, default=_plain) + "\n")
 
 
 def read_stage(kind: type[Stage], path: Path, root: Path) -> Stage:
     """Return a stage of a task's kind in a room's file; InputError where the dataset's file is missing or damaged."""
-    file = root / STAGE
+    file = root / DATASET_STAGE
     rules = dacite.Config(type_hooks={np.ndarray: np.asarray, Path: Path}, cast=[tuple])
     try:
         values = json.loads(file.read_text())

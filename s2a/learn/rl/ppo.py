@@ -24,6 +24,7 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import is_terminal, note, track
+from s2a.core.provenance import curve
 from s2a.learn.evaluate import rate, run_episodes
 from s2a.learn.rl import config as processes
 from s2a.learn.rl import policy_file, run_folder
@@ -430,7 +431,7 @@ def train(
         **{name: int(counted[name]) for name in ("episodes", *ERRORS)},
         "recent": dict(zip(adapter.names, recent.tolist(), strict=True)),
         **({"target": config.target, "measured": runner.measured, "ended": why} if config.target is not None else {}),
-        "curve": run_folder.curve(out) if lead else [],
+        "curve": curve(out) if lead else [],
     }
 
 

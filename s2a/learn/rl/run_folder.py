@@ -3,8 +3,6 @@
 import hashlib
 import json
 import logging
-import math
-import re
 import shutil
 import time
 import zipfile
@@ -13,26 +11,24 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.utils.tensorboard import SummaryWriter
 
 from s2a import tasks
 from s2a.core.config import leaves, load
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
+from s2a.core.provenance import STARTS, starts
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.simulation import SimConfig
 from s2a.tasks import pool
 from s2a.tasks.base import MdpConfig
 
 SETTINGS = "settings.json"
-STARTS = "starts.json"
 BEST = "model_best.pt"  # Copy of the checkpoint with the best score so far
 # Keys that may change when a run goes on
 FREE = ("init", "resume", "device", "export", "out", "ppo.iterations", "ppo.save_interval", "ppo.target")
 
 _log = logging.getLogger(__name__)
-logging.getLogger("tensorboard").setLevel(logging.ERROR)  # it warns of every iteration that `cut` made it forget
 
 # Dotted key that older runs did not have -> the value by which they ran
 ADDED = {
@@ -125,26 +121,6 @@ def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, objec
     return every
 
 
-def starts(out: Path) -> list[dict[str, Any]]:
-    """Return with which code, on which machine and stage a run began and went on; nothing if that was not yet noted.
-
-    Raises:
-        InputError: the file is damaged.
-    """
-    file = out / STARTS
-    if not file.is_file():
-        return []
-    try:
-        every = json.loads(file.read_text())
-        if [start["stage_sha256"] for start in every]:
-            return every
-        raise ValueError("it is empty")
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise InputError(
-            f"{file}: not what s2a train writes ({error}); delete it, or train into another folder"
-        ) from error
-
-
 def latest(out: Path) -> Path | None:
     """Return the checkpoint of the last iteration in a folder; None if it has none.
 
@@ -182,33 +158,6 @@ def cut(out: Path, first: int) -> None:
         time.sleep(1.01 - time.time() % 1.0)
         SummaryWriter(str(out), purge_step=first).close()
         time.sleep(1.01 - time.time() % 1.0)
-
-
-def curve(out: Path) -> list[dict[str, float]]:
-    """Return what TensorBoard logged of episodes, a row an iteration: rates and values by name, and the mean reward.
-
-    Runs of earlier versions have tags that begin with a slash.
-    """
-    events = EventAccumulator(str(out), size_guidance={"scalars": 0}).Reload()
-    tags = {tag: re.fullmatch(r"(?:Episode)?/(?!rew_|term/)(.+)", tag) for tag in events.Tags()["scalars"]}
-    rows: dict[int, dict[str, float]] = {}
-    for tag, match in tags.items():
-        name = match[1] if match else "reward" if tag == "Train/mean_reward" else ""
-        for event in events.Scalars(tag) if name else ():
-            if math.isfinite(event.value):
-                rows.setdefault(event.step, {"iteration": event.step})[name] = event.value
-    return [rows[i] for i in sorted(rows)]
-
-
-def times(out: Path) -> list[float]:
-    """Return when each iteration was logged [s], on the wall's clock."""
-    return [event.wall_time for event in scalars(out, "Perf/total_fps")]
-
-
-def scalars(out: Path, tag: str) -> list[Any]:
-    """Return the events that TensorBoard logged under a tag, less what was cut; none if it was never logged."""
-    events = EventAccumulator(str(out), size_guidance={"scalars": 0}).Reload()
-    return events.Scalars(tag) if tag in events.Tags()["scalars"] else []
 
 
 FILE = "world.json"

@@ -14,7 +14,7 @@ import numpy as np
 from s2a.core import config
 from s2a.scan import visuals
 from s2a.scene import artefacts
-from s2a.scene.artefacts import Artefact
+from s2a.scene.artefacts import DATASET, Artefact
 from s2a.scene.articulation import transform
 from s2a.scene.geometry.mesh_ops import keep
 from s2a.scene.scene import Joint, Mesh, Motion, Scene
@@ -324,10 +324,6 @@ def _box(part: DescribedPart) -> Mesh:
     cos, sin = math.cos(part.yaw), math.sin(part.yaw)
     axes = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return box(np.array(part.center), axes, np.maximum(part.size, THINNEST))
-
-
-# By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episodes.ABOUT`, which needs the extra "sim")
-DATASET = "meta/s2a.json"
 
 
 def _play(path: Path) -> str:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from s2a.core import errors
 from s2a.core.config import leaves
+from s2a.core.provenance import curve as logged
+from s2a.core.provenance import starts
 from s2a.view.report import document
 from s2a.view.report.document import Document, Markup, facts, images, table, text
 
@@ -377,12 +378,9 @@ def of_folder(folder: Path) -> Run:
     settings = json.loads((folder / SETTINGS).read_text())
     if (folder / METRICS).is_file():
         return of_metrics(json.loads((folder / METRICS).read_text()), folder.name, settings)
-    with errors.required():
-        from s2a.learn.rl import run_folder  # of the extra "learn", which only a run that was cut needs
-
-        rows, starts = run_folder.curve(folder), run_folder.starts(folder)
+    rows, begun = logged(folder), starts(folder)
     steps = settings["num_envs"] * settings["ppo"]["num_steps_per_env"]
-    about = {"seed": settings["seed"], **(starts[-1] if starts else {})}
+    about = {"seed": settings["seed"], **(begun[-1] if begun else {})}
     return Run(folder.name, settings, _columns(rows, steps), {}, about)
 
 

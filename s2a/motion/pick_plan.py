@@ -157,6 +157,7 @@ class PickPlanner:
         nearest = 0.0 if any(is_clear for _, is_clear in tried) else self._least([every for every, _ in tried])
         size = float(np.ptp(self._points, axis=0).min())
         error = failure(self._target, nearest, size, self._search.misses, self._spec, self._grasps.ended)
+        error.graspable = any(len(every.tool) > 0 for every, _ in tried)
         if 0.0 < nearest < math.inf and not self._spend():
             ends = (self._start, self._goal)
             error.crowded = next((at for at in ends if not any(self._is_clear(each, at) for each, _ in tried)), None)

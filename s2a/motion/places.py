@@ -284,10 +284,11 @@ def first_planned(
             except Unreachable as error:
                 first = first or error
     except InputError:  # no spot is free; the object may be too large for the gripper as well
-        refuse_ungraspable(room, name, spec, contact)
+        if first is None or not first.graspable:
+            refuse_ungraspable(room, name, spec, contact)
         raise
     assert first is not None, "`place_poses` yields a pose, or raises"
-    if first.crowded is None:  # else there are grasps, none of them clear
+    if not first.graspable:  # where it is, it took twice as long as the plans
         refuse_ungraspable(room, name, spec, contact)
     raise first
 

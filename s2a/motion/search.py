@@ -35,9 +35,11 @@ class Unreachable(InputError):
 
     Attributes:
         crowded: pose of the object [4 4] at which no grasp is clear, whatever its other end; None: there is none.
+        graspable: the gripper fits on the object, clear of the room or not; False: it was not seen.
     """
 
     crowded: np.ndarray | None = None
+    graspable: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ def test_the_top_of_a_door_carries_nothing() -> None:
     assert max(heights) < 1.05
 
 
-def test_a_thin_thing_takes_its_place() -> None:
+def test_a_thin_thing_takes_its_place_and_the_floor_below_is_none() -> None:
     top = sheet((-0.5, 0.5), (-0.4, 0.4), 0.7)
     paper = at(block(0.3, 0.2, 0.003), 0.0, 0.0, 0.701)
     bare = Scene("room", {"table_1": Part("table", top)})
@@ -31,6 +31,11 @@ def test_a_thin_thing_takes_its_place() -> None:
     free = [target_regions(scene, "table_1", REGIONS, ("horizontal",))[0].free_area for scene in (bare, laid)]
     # 0.3 x 0.2 m, and its border on a grid of 1 cm.
     assert 0.05 < free[0] - free[1] < 0.08
+    # The floor below a table is no place on it, though its label goes down there.
+    under = sheet((-0.5, 0.5), (-0.4, 0.4), 0.01)
+    boxed = Scene("room", {"table_1": Part("table", merge([top, under])), "floor_2": Part("floor", under)})
+    (level,) = target_regions(boxed, "table_1", REGIONS, ("horizontal",))
+    assert abs(level.height - 0.7) < 0.01
 
 
 def tray(width: float) -> Scene:

@@ -92,6 +92,14 @@ def test_where_no_spot_serves_the_gripper_that_does_not_fit_is_said_first(
     with pytest.raises(InputError, match="no level spot"):
         first_planned(room_of(tmp_path), "cube_9", PANDA, ends(), plan)
 
+    def graspable(spot: int) -> str:
+        error = Unreachable(f"no way from {spot}")
+        error.graspable = True
+        raise error
+
+    with pytest.raises(Unreachable, match="no way from 1"):  # it was held; the gripper is not asked again
+        first_planned(room_of(tmp_path, side=0.1), "cube_9", PANDA, [1], graspable)
+
 
 def blocks() -> list[Mesh]:
     """Return blocks of 3 cm that stand 7.5 cm apart all over the cabinet: no object is put between two of them."""

@@ -16,7 +16,7 @@ from s2a.scene.geometry.mesh_ops import merge, within
 from s2a.scene.geometry.mesh_query import crossing, kept_ray_mesh, visible_distance
 from s2a.scene.geometry.planes import Plane, RansacConfig, ransac_plane
 from s2a.scene.geometry.regions import KINDS, Kind, Region, RegionConfig, support_regions
-from s2a.scene.scene import Joint, Mesh, Scene
+from s2a.scene.scene import UNANNOTATED, Joint, Mesh, Scene
 
 # Rim fraction from which a region is a basin, and its largest width [m]: a floor among furniture is none, a bathtub
 # is
@@ -24,6 +24,8 @@ BASIN, WIDEST_BASIN = 0.5, 1.0
 # What is lower than this and not as long as that lies flat on something; it blocks its place up to a height [m]
 FLAT, LARGE, RAISED = 0.012, 0.5, 0.02
 FAR = 2.0  # Length of the rays that test for a free view [m]
+GROUND, UNDER = 0.05, 1.0
+"""A level face of a part is the floor below it up to this above the floor [m], and with less than that free above [m]."""
 SOFT = ("sofa", "armchair", "chair", "bed", "bench", "cushion", *BEDDING)
 """What has waves of some centimetres where one sits or lies."""
 WAVES, SLOPE, SLANT = 0.03, 0.15, 0.5
@@ -116,6 +118,9 @@ def target_regions(scene: Scene, target: str, config: RegionConfig, kinds: tuple
     others = [part.mesh for part_id, part in scene.parts.items() if part_id not in own] + flat_objects(scene, target)
     mesh = target_mesh(scene, target) if upright else standing_mesh(scene, target)
     regions = support_regions(mesh, config, others, kinds)
+    if _may_spill(scene, target):  # as a table does whose label is a box down to the floor
+        ground = floor_height(scene) + GROUND
+        regions = [r for r in regions if r.kind != "horizontal" or r.height > ground or r.clearance > UNDER]
     if upright or not any(is_kind_of(scene.parts[target].label, one) for one in SOFT):
         return regions
     level = max((region.free_area for region in regions if region.kind == "horizontal"), default=0.0)
@@ -127,6 +132,12 @@ def target_regions(scene: Scene, target: str, config: RegionConfig, kinds: tuple
     large = PART * max((region.free_area for region in above), default=0.0)
     seat = min((region.height for region in above if region.free_area >= large), default=np.inf)
     return [region for region in regions if region.kind != "horizontal" or region.height <= seat + BACK]
+
+
+def _may_spill(scene: Scene, target: str) -> bool:
+    """Return True for a named part beside a floor that is a part of its own."""
+    floors = [i for i in scene.parts if is_floor(scene, i)]
+    return bool(floors) and target not in floors and scene.parts[target].label != UNANNOTATED
 
 
 def _soft_regions(mesh: Mesh, config: RegionConfig, others: list[Mesh]) -> list[Region]:

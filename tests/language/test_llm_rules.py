@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
 
-from s2a.language.insert.rules import _flat, _up, known
+from s2a.language.ask import Request
+from s2a.language.insert.rules import _flat, _up, known, rules
 from s2a.language.insert.stable_pose import AXES
 
 
@@ -15,6 +17,16 @@ def facts(sides: list[float], slices: dict[str, list[float]] | None = None, **mo
     alike = {axis: [0.8] * 5 for axis in "xyz"}
     said = {"sides": sides, "slices": alike | (slices or {}), "hollow": {}, "up": None}
     return said | {"feet": dict.fromkeys(AXES, 0.3)} | more
+
+
+def test_a_table_is_used_where_a_hand_reaches() -> None:
+    levels = [
+        {"kind": "horizontal", "height": h, "free": f, "circle": 0.25, "room": 2.0} for h, f in ((1.5, 0.2), (0.5, 0.1))
+    ]
+    room = [{"id": "table_1", "label": "table", "size": [1.0, 0.7, 1.6], "supports": levels}]
+    asked = facts([6.0, 2.0, 1.5], label="eraser", wish="", room=room)
+    choices = json.loads(rules(Request("plan", "", (), None, asked)).text)["choices"]
+    assert [choice["height"] for choice in choices] == [0.5, 1.5]
 
 
 def test_a_vase_has_its_longest_side_up() -> None:

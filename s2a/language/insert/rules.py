@@ -260,8 +260,9 @@ def _existing(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], b
     ]
     if not any(named):
         named = [[option for line in room for option in _alike(line, how, where, room)] for how, where in places]
-    for options in named:
-        options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
+    for (_, where), options in zip(places, named, strict=True):
+        high = HIGHEST if where in ALIKE_KINDS["table-like"] else math.inf
+        options.sort(key=lambda o: (o["circle"] < breadth, (o["height"] or 0.0) > high, -o["free"]))
         best += [option for option in options[:1] if option not in best]
         seconds += options[1:3]
     best += [option for option in seconds if option not in best]
@@ -299,6 +300,8 @@ def _options(line: dict[str, Any], how: str, room: list[dict[str, Any]]) -> list
     ]
 
 
+HIGHEST = 1.25
+"""Above this no surface of a table or of what is like one is taken where it has a lower one [m]: a hand hardly reaches there."""
 WALL_HEIGHT = 1.5
 """Least height of a part without a name that may have walls [m]."""
 SEAT = 0.2

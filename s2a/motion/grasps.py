@@ -285,6 +285,7 @@ def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:
 # Spheres compared with the room, and poses of inverse kinematics, after which no plan for an object is looked for any more:
 # below 30 s, the same on every machine; where there is a plan, most take a tenth to a half. And [s] that pass at most
 WORK, PATIENCE = 7_000_000, 300.0
+TILTED = 0.05  # [rad] Steps of the direction that is up in an object, which leans a little on what is not level
 
 
 class GraspCache:
@@ -311,8 +312,8 @@ class GraspCache:
         return bool(self.ended)
 
     def __call__(self, samples: int, contact: Contact, up: np.ndarray) -> ObjectGrasps:
-        """Return what `object_grasps` does; `up` is a unit vector in the body's frame, shape [3]."""
-        key = (samples, contact, *up.round(6))
+        """Return what `object_grasps` does, for `up` to within TILTED; it is a unit vector in the body's frame, shape [3]."""
+        key = (samples, contact, *(up / TILTED).round())
         if key not in self._grasps:
             self._grasps[key] = object_grasps(
                 self._hulls, self._center, self._gripper, self._seed, samples, contact, up

@@ -178,6 +178,8 @@ TAIL, IN_ALL = 0.18, 0.3
 NARROW, PLATE = 0.7, (0.2, 0.08)
 # The floor at a foot, which faces up outside of it, is no higher than this above its lowest point: a foot's plate is [m]
 SKIRT = 0.01
+# Least vertical component of the normal of floor that rises to a foot, as a scan rounds the corner between them
+RISING = 0.4
 # What is lower than this above the lowest point touches what carries it, whose label borders on it there; what begins at the
 # second height has a lower side that may be trimmed, at the third no foot [m]
 FOOT, LIFTED, HUNG = 0.06, 0.5, 1.2
@@ -247,12 +249,15 @@ def _body(
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.maximum(0.5 * np.linalg.norm(cross, axis=1), 1e-12)
     middle = corners.mean(axis=1)
+    up = cross[:, 2] / (2 * area)  # the floor that a foot goes over into faces up, the foot does not
     body = _one_component(corners, area, component)
     bottom = weighted_quantile(middle[body, 2], area[body], 0.01)
     if middle[body, 2].max() - bottom > 2 * FOOT:
-        skirt = _skirt(points, faces, middle, body, cross[:, 2] / (2 * area), bottom)
+        skirt = _skirt(points, faces, middle, body, up, bottom)
         body &= ~skirt if area[skirt].sum() < IN_ALL * area[body].sum() else True
-    border = np.where((middle[:, 2] < bottom + FOOT) & (bottom < HUNG), 0.0, border)
+    border = np.where((middle[:, 2] < bottom + FOOT) & (bottom < HUNG) & (up < RISING), 0.0, border)
+    # What is not even joined to the rest hangs on it no more than what borders on other labels all around.
+    border = np.where(component == np.bincount(component, area).argmax(), border, np.maximum(border, BIN))
     least = (1.0 - IN_ALL) * area[body].sum()
     while (tail := _tail(points, faces, middle, area, border, body, bottom > LIFTED, structure, least)) is not None:
         body[tail] = False

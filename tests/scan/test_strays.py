@@ -126,6 +126,12 @@ def test_what_a_label_spills_onto_is_no_part_of_a_cabinet(name: str) -> None:
     assert extents == pytest.approx(true, abs=0.041)
 
 
+def test_what_hangs_in_the_air_apart_is_no_part_of_a_cabinet() -> None:
+    body, sheet = between(0.04, 0.6, 0.2, 0.9, 0.04, 1.3), between(0.5, 0.54, 0.92, 1.6, 0.9, 1.2)
+    alone, both = (left(*scanned(*solids))[1] for solids in ((body,), (body, sheet)))
+    assert both == pytest.approx(alone, abs=0.041)
+
+
 def test_no_more_than_a_third_of_an_object_is_taken_for_a_spill() -> None:
     surface, owner = scanned(between(0.3, 0.6, 0.3, 0.6, 0.04, 0.4))
     middles = surface.vertices[surface.faces].mean(axis=1)

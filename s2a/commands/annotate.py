@@ -36,10 +36,10 @@ class Config:
         auto: Propose fronts, joints and handles, by a network.
         edit: Begin with the scan's annotation by Articulate3D; what is not edited is written as it was.
         page: Serve the page, until Ctrl-C; without it, proposals are written as they are.
-        port: of the page's server; the next free one where it is taken.
-        max_faces: of the scan on the page; beyond, neighbouring vertices are merged.
-        camera: where the page's camera begins.
-        propose: how fronts are proposed.
+        port: port of the page's server; the next free one if it is taken.
+        max_faces: maximum number of the scan's faces on the page; beyond, neighbouring vertices are merged.
+        camera: first view of the page's camera.
+        propose: proposals of fronts.
     """
 
     scan: Path

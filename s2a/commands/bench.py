@@ -57,15 +57,15 @@ class Config(EpisodesConfig):
             model_N.onnx or model_N.pt.
         out: the results, a JSON file.
         verify: results of the same policy on the same parts: a randomly drawn tenth of the parts is measured again.
-        episodes: of each part.
+        episodes: number of episodes per part.
         steps: control steps of an episode, the same for all policies.
         num_envs: worlds that are stepped together, at most.
         device: cpu, cuda:0, or auto: a GPU where there is one.
-        seed: of start noise and of what differs between worlds.
-        task: what the robot has to do; a trained policy has its own settings of what it observes.
+        seed: seed of start noise and of the differences between worlds.
+        task: task settings; a trained policy has its own settings of its observations.
         perception: network that estimates the parts from depth frames instead of the true poses: pretrained, or a file of s2a
             perceive; null: none.
-        perception_frames: how many of each part's frames in the pool count, by the median of their estimates.
+        perception_frames: number of frames per part; the median of their estimates counts.
         grasp_error: distance of the observed grasp from the true one [m], in a random direction; null: as in a
             trained policy's training, and the planner observes the true one.
         grasp_turn: its rotation off the true one [degree], about a random axis; null: likewise.

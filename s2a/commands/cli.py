@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(error, UnicodeEncodeError) and any(
             each in error.object for each in SURROGATES.findall("".join(arguments))
         ):
-            return _fail("an argument is no UTF-8, which files of s2a cannot hold; rename what it names", 2)
+            return _fail("an argument is not UTF-8; rename the file that it names", 2)
         if _is_out_of_memory(error):
             reason = " ".join(str(error).split())[:200] or "no more can be had"
             return _fail(f"out of memory: {reason}; lower {_size(arguments)}, or free some memory", 2)
@@ -114,7 +114,7 @@ def _give_a_home() -> None:
         with contextlib.suppress(OSError):  # then they cannot keep anything, and say so
             home.mkdir(mode=0o700, exist_ok=True)
         os.environ |= {"HOME": str(home), "USER": os.environ.get("USER", str(os.getuid()))}
-        progress.report(f"warning: there is no home; caches go to {home}: set HOME to keep them")
+        progress.report(f"warning: there is no home directory; caches go to {home}: set HOME to keep them")
 
 
 def run(command: str, values: dict[str, Any]) -> None:

@@ -39,7 +39,7 @@ class Config(WorldsConfig):
         out: folder of the dataset; an existing one is continued.
         episodes: number of successful episodes, existing ones included.
         policy: policy that drives the robot: null, the planner; pretrained; or a model_N.onnx.
-        instruction: what the robot is to do, in words; null: what the task is, and the label.
+        instruction: the robot's instruction in words; null: the task and the part's label.
         every: control steps a frame.
         format: lerobot: LeRobotDataset v3.0; robomimic: HDF5 as robomimic reads it.
         views: the cameras.

@@ -52,13 +52,13 @@ class Config:
         scans: captures, or patterns of them as DIR/*: folders of scans, annotated or not, meshes, recordings.
         out: folder of the data set; rooms that are in it already are kept.
         jobs: rooms that are made at once, each in a process of its own.
-        stages: what is done beyond the preparation: check the annotation, export both flavours of USD, certify, run the planner.
-        episodes: of the planner, for each part.
+        stages: stages besides the preparation: check the annotation, export both flavours of USD, certify, run the planner.
+        episodes: number of the planner's episodes per part.
         robot: the robot, such as panda or baxter.
-        prepare: how the scenes are prepared.
-        sim: how physics is stepped.
-        task: what the robot has to do with each part.
-        metrics: what is reported of an episode.
+        prepare: preparation of the scenes.
+        sim: physics settings.
+        task: task settings.
+        metrics: thresholds of the metrics.
         planner: the planner's motion.
         certify: the check suite and its bounds.
     """

@@ -92,7 +92,7 @@ class Config(SeenWorldsConfig):
         recordings: folder for joint positions and torques, a CSV file for each world, which `s2a identify` reads, or null.
         states: npz file for the pose of everything after every control step, which `s2a view` plays, or null; with
             physics=soft one for tools/soft_images.py.
-        camera: how images are taken.
+        camera: camera of the images.
         physics: rigid, or soft: the planner picks and places a teddy bear, in worlds that are simulated one after the other.
     """
 
@@ -209,7 +209,7 @@ def _refuse_contradictions(config: Config) -> None:
     actors = {name: getattr(config, name) for name in ("agent", "checkpoint", "policy") if getattr(config, name)}
     if len(actors) > 1:
         given = " and ".join(f"{name!r} ({value})" for name, value in actors.items())
-        raise InputError(f"keys {given}: only one can act; drop the other")
+        raise InputError(f"keys {given}: only one can drive the robot; leave the other out")
     if pool.is_index(config.stage):
         _refuse_of_a_pool(config)
     for name, folder in (("images", config.images), ("recordings", config.recordings)):
@@ -295,7 +295,7 @@ def run(config: Config) -> str:
         out.write_text(json.dumps(metrics, indent=1))
     if not metrics["variation"] and isinstance(policy, Planner) and env.num_envs > len(stages):
         _log.warning(
-            "worlds of a part are copies of one another, so that intervals mean nothing; give task.start_noise"
+            "worlds of a part are copies of one another, so the intervals have no meaning; give task.start_noise"
         )
     if config.export and config.checkpoint:
         export(load_model(env, config.checkpoint), config.checkpoint)

@@ -216,9 +216,7 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
         written |= {} if box is None else {"box": str(box)}
         (out / PREDICTED).write_text(json.dumps(written, indent=1), encoding="utf-8")
     if assumed := sum(one.assumed_range for one in chosen):
-        _log.warning(
-            "%s: %d of %d joints come without a range, and get the usual one", predictions, assumed, len(chosen)
-        )
+        _log.warning("%s: %d of %d joints have no range; the usual one is assumed", predictions, assumed, len(chosen))
     kinds = ", ".join(f"{sum(one.kind == kind for one in chosen)} {kind}" for kind in reader.KINDS)
     handles = sum(len(one.handle) > 0 for one in chosen)
     counts = f"{len(chosen)} of {len(candidates)} predictions ({kinds}), {handles} with a handle"
@@ -242,7 +240,7 @@ def _box(config: Config, path: Path, surface: ply.ScanMesh) -> ObjectBox | None:
     given = [key for key, value in (("box", config.box), ("object", config.object)) if value is not None]
     if path.suffix.lower() != urdf_object.SUFFIX:
         if given:
-            raise InputError(f"{path} is no URDF, and key {given[0]!r} is given; other predictions need none")
+            raise InputError(f"{path} is not a URDF, and key {given[0]!r} is given; other predictions need none")
         return None
     if len(given) != 1:
         raise InputError(

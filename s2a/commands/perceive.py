@@ -31,9 +31,9 @@ class Config:
         folds: networks of which each is trained on the rooms of the others; their estimates are those of parts
             that a network was not trained on, for a policy to be trained with.
         robot: the robot that the parts were prepared for, such as panda or baxter.
-        network: how it is trained.
+        network: its training.
         device: cpu, cuda:0, or auto: a GPU where there is one.
-        seed: of the networks and of what is drawn.
+        seed: seed of the networks and of the samples.
     """
 
     stage: Path
@@ -50,7 +50,7 @@ def run(config: Config) -> str:
     entries, clouds, device = pool.read(config.stage), of_pool(config.stage), device_of(config.device)
     rooms = sorted({entry.room for entry in entries})
     if len(rooms) < config.folds:
-        raise InputError(f"key 'folds' is {config.folds}, and the pool has {len(rooms)} rooms; give at most so many")
+        raise InputError(f"key 'folds' is {config.folds}, and the pool has {len(rooms)} rooms; give that many or fewer")
     truths = [truth(stage).vector() for stage in pool.stages(config.stage, config.robot.name)]
     fold = [rooms.index(entry.room) % config.folds for entry in entries]
     estimates: list[np.ndarray] = [np.zeros(0)] * len(entries)

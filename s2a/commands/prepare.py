@@ -57,7 +57,7 @@ def _stands(articulation: Articulation) -> str:
 
 def _said(reduction: Reduction) -> str:
     """Return what decimation did to a group of surfaces, and whether it kept to what was asked."""
-    missed = "" if reduction.reached else f", though {reduction.asked} were asked for"
+    missed = "" if reduction.reached else f", though {reduction.asked} were requested"
     return (
         f"  {reduction.group}: {reduction.after} of {reduction.before} faces{missed}; "
         f"off by {1e3 * reduction.mean:.2f} mm on average, {1e3 * reduction.p99:.2f} mm at 99 %"

@@ -18,7 +18,7 @@ class Config:
         path: a run's folder, a folder of runs, a result file, or a validation report.
         out: the HTML file to write.
         images: further images to show, PNG, JPEG, WebP or GIF.
-        states: of s2a evaluate, or a dataset of s2a collect, of which one success and one failure are shown as videos; or null.
+        states: states file of s2a evaluate, or dataset of s2a collect: one success and one failure are shown as videos; or null.
         stage: the room of the states, or null.
     """
 
@@ -70,7 +70,7 @@ def refuse_another_run(path: Path, file: Path | None) -> None:
     }
     if other := [name for name, (own, expected) in pairs.items() if own != expected]:
         raise InputError(
-            f"key 'states': {file} is of another run than {path}: other {', '.join(other)}; give its own states"
+            f"key 'states': {file} belongs to another run than {path}: other {', '.join(other)}; give its own states"
         )
 
 

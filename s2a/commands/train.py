@@ -41,7 +41,7 @@ class Config(SeenWorldsConfig):
         out: folder for checkpoints, the TensorBoard log and metrics.json.
         init: policy that this one begins with, of networks of the same widths: a checkpoint of another run, with its critic; or
             pretrained, or an exported .onnx, without. null: none.
-        resume: go on from the last checkpoint in `out`, if there is one, with the same settings.
+        resume: continue from the last checkpoint in `out`, if there is one, with the same settings.
         export: write the last checkpoint as TorchScript and ONNX too.
         reward: weight of each reward term.
         ppo: rsl-rl's settings.
@@ -142,15 +142,15 @@ def _start_of(config: Config) -> Path | None:
         if not config.resume:
             raise InputError(
                 f"out {str(config.out)!r} holds files; a run is never overwritten: choose another, delete it, "
-                "or go on with resume=true"
+                "or continue with resume=true"
             )
         run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(config.read_stages()))
     checkpoint = run_folder.latest(config.out) if config.resume else None
     done = run_folder.iteration(checkpoint) + 1 if checkpoint else 0
     if checkpoint and config.ppo.target is not None and (why := _ended(config.out, config.ppo.target)):
-        raise InputError(f"{config.out} has ended ({why}); give another ppo.target, or null, to go on")
+        raise InputError(f"{config.out} has ended ({why}); give another ppo.target, or null, to continue")
     if done >= config.ppo.iterations and (config.out / METRICS).is_file():
-        raise InputError(f"{config.out} has done its {done} iterations; to go on, give ppo.iterations more of them")
+        raise InputError(f"{config.out} has completed its {done} iterations; to continue, give a larger ppo.iterations")
     return checkpoint
 
 

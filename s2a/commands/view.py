@@ -38,13 +38,13 @@ class Config:
             dataset of s2a collect.
         stage: the room of what is played, or null.
         first: index of the first world or episode that is played.
-        worlds: how many are played side by side, at most.
+        worlds: maximum number that are played side by side.
         text: Print the tree; null prints it unless an image or a page is requested.
         image: PNG file to write, or null.
         page: Serve a page for the browser, until Ctrl-C: parts, a slider for every joint, colliders, grasp regions, axes.
-        port: of the page's server; the next free one where it is taken.
+        port: port of the page's server; the next free one if it is taken.
         html: file to write with the page as a recording in which every joint opens once, or null.
-        max_faces: of the surfaces on the page; beyond, neighbouring vertices are merged. null: all, and 320,000 in the file.
+        max_faces: maximum number of faces on the page; beyond, vertices are merged. null: all, and 320,000 in the file.
         part: id of the part at the centre of the image or page, or null for the whole room.
         photo: edge of a pixel [m] of an orthophoto, which the image then is: the part, or the rectangle, square on, from the
             photos that a scan of a recording keeps; null: a rendering.

@@ -23,11 +23,11 @@ class EpisodesConfig:
         stage: the sim.usd; or the index that `s2a pool` writes, *.json, of whose parts every world has one.
         num_envs: worlds that are stepped together; under torchrun, of each process.
         device: cpu, cuda:0, or auto: a GPU where there is one, and each process of torchrun its own.
-        seed: of the start noise, and of a network that is trained.
+        seed: seed of the start noise, and of a network that is trained.
         robot: the robot that the stage was prepared for, such as panda or baxter.
-        sim: how physics is stepped.
-        task: what the robot has to do.
-        metrics: what is reported of an episode.
+        sim: physics settings.
+        task: task settings.
+        metrics: thresholds of the metrics.
         planner: the planner's motion.
     """
 

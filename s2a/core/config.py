@@ -410,7 +410,7 @@ def _path(value: Any) -> Any:
     try:
         return Path(str(value)).expanduser()
     except RuntimeError as error:
-        raise InputError(f"{value!r}: there is no such home; set HOME, or begin a name with ./~") from error
+        raise InputError(f"{value!r}: no such home directory; set HOME, or begin a name with ./~") from error
 
 
 def _refuse_bool(value: Any, kind: type) -> None:

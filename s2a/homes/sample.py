@@ -50,7 +50,7 @@ def again(
     Args:
         room: in its own frame, all closed.
         opened: coordinates of parts by their ids [m] or [rad]; their joints then count from there.
-        moved: how many objects are moved.
+        moved: number of objects that are moved.
         rng: which ones, and where to.
 
     Raises:
@@ -71,9 +71,7 @@ def again(
             target = entry.piece
             room = replace(room, pieces=tuple(_replaced(piece, target, motion) for piece in room.pieces))
     if len(motions) < moved:
-        raise InputError(
-            f"moved={moved}: {len(motions)} objects have another place to stand; give moved={len(motions)}"
-        )
+        raise InputError(f"moved={moved}: {len(motions)} objects have another free place; give moved={len(motions)}")
     return replace(room, scanners=_free_scanners(room)), motions
 
 
@@ -81,7 +79,7 @@ def _check(entries: list[Entry], opened: Mapping[str, float]) -> None:
     joints = {entry.part_id: entry.piece.joint for entry in entries if entry.piece.joint is not None}
     for part_id, q in opened.items():
         if part_id not in joints:
-            raise InputError(f"open: {part_id!r} is no part that moves; known: {', '.join(joints)}")
+            raise InputError(f"open: {part_id!r} is not a part that moves; known: {', '.join(joints)}")
         lower, upper = joints[part_id].limits
         if not lower <= q <= upper:
             raise InputError(f"open: {part_id!r} at {q:g} is outside of its range {lower:g} to {upper:g}")
@@ -205,7 +203,7 @@ class SampleConfig:
 
     Attributes:
         room: kind of room.
-        seed: of furniture and all errors; the same seed gives the same files.
+        seed: seed of furniture and all errors; the same seed gives the same files.
         detail: the scanner: demo (laser, half a minute, 0.1 to 0.25 million vertices), full (laser, a minute or two, 0.8 to 1.9
             million), rgbd (depth camera, as ScanNet), phone (1 to 3 cm, smoothed, with a textured GLB).
         annotator: errors of parts and joints: careful, hasty, or wrong (hasty, and one axis in ten reversed).

@@ -120,7 +120,7 @@ Samples = list[tuple[np.ndarray, np.ndarray]]
 
 
 def _solve(samples: Samples, wanted: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return the ASKED that were asked for, the others 0, their deviations, the others' infinite, and the residuals' variance.
+    """Return the ASKED that were requested, the others 0, their deviations, the others' infinite, and the residuals' variance.
 
     A deviation is that of the residuals, which the smoothing has made alike among neighbours, or that of the pulls, each left out
     in turn (the jackknife), where this is larger: a grip that rolls errs alike all along a pull.

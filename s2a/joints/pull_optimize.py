@@ -185,8 +185,8 @@ class PullConfig:
 
     Attributes:
         time: cost of a second until the set-point stands [1/s].
-        energy: of the work done on the handle [1/J].
-        peak: of the greatest force on the handle [1/N].
+        energy: weight of the work done on the handle [1/J].
+        peak: weight of the maximum force on the handle [1/N].
         rounds: evaluations of the loss and its gradient, at most.
     """
 

@@ -117,16 +117,14 @@ def mesh_remedy(path: Path) -> str | None:
     if not path.is_file() or path.suffix.lower() not in FOREIGN:
         return None
     if path.suffix.lower() in (".dae", ".fbx"):
-        return (
-            f"{path.name} is no PLY: export it from your scanning app or Blender as PLY, z up, in metres, named {MESH}"
-        )
+        return f"{path.name} is not a PLY: export it from your scanning app or Blender as PLY, z up, in metres, named {MESH}"
     if path.suffix.lower() == ".usdz":
-        return f"{path.name} is no PLY: give s2a import mesh={path.name} out=FOLDER"
+        return f"{path.name} is not a PLY: give s2a import mesh={path.name} out=FOLDER"
     up = ", and turn it z up (glTF has y up)" if path.suffix.lower() in (".glb", ".gltf") else ""
     call = f"trimesh.load({path.name!r}, force='mesh', process=False).export({MESH!r})"
     return (
-        f"{path.name} is no PLY: give s2a import mesh={path.name} out=FOLDER; for annotations that count its faces, convert it "
-        f"in Python, which keeps the order of its faces: {call}{up}"
+        f"{path.name} is not a PLY: give s2a import mesh={path.name} out=FOLDER; for annotations that count its faces, convert "
+        f"it in Python, which keeps the order of its faces: {call}{up}"
     )
 
 

@@ -186,7 +186,7 @@ def _detect(
     flat = _angle(candidates[own].up, axis) < _SAME
     if flat and (not sure or int(np.argmax(odds)) == own):
         rather = alone[best] > _RATHER * alone[own]
-        doubt = f"the surface agrees better with {_list(candidates, alone)}; look at image=FILE.png, or give up="
+        doubt = f"the surface agrees better with {_list(candidates, alone)}; check image=FILE.png, or give up="
         return axis, f"stated by {stated.by}", float(odds[own]), (doubt,) if rather else ()
     if sure and not flat:
         doubt = f"{stated.by} states {stated.up} up, but no level surface faces it; the room is levelled by its surface"
@@ -207,7 +207,7 @@ def _undeclared(
     """
     give = "give up=y or up=z (or x, -x, -y, -z) or a vector, as up=[0,-0.8,-0.6]"
     if not candidates:
-        raise InputError(f"the up axis cannot be determined from the surface, which is flat nowhere; {give}")
+        raise InputError(f"the up axis cannot be determined from the surface, which has no flat region; {give}")
     odds = _odds(candidates, hint.up if hint else None, _HINT)
     best = int(np.argmax(odds))
     # A hint, too, tells a strip along a wall from a low room, and a table top from a floor.
@@ -223,10 +223,10 @@ def _undeclared(
         direction = np.array(UP[axis])
     if hint:
         alone = _odds(candidates, None, 0.0)
-        doubt = f"the surface alone agrees better with {_list(candidates, alone)}; look at image=FILE.png, or give up="
+        doubt = f"the surface alone agrees better with {_list(candidates, alone)}; check image=FILE.png, or give up="
         doubts = (doubt,) if alone.max() > _RATHER * alone[best] else ()
         return direction, f"by the surface and {hint.by}", float(odds[best]), doubts
-    doubt = "a side of the room was not scanned, so that up is not certain; look at image=FILE.png, or give up="
+    doubt = "a side of the room was not scanned, so that up is not certain; check image=FILE.png, or give up="
     return direction, "by the surface", float(odds[best]), (doubt,) if odds[best] < upright.certain(candidates) else ()
 
 

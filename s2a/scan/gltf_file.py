@@ -148,7 +148,7 @@ def packed(document: dict[str, Any], arrays: Sequence[tuple[np.ndarray, dict[str
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:
     if data[:4] != b"glTF":
-        raise InputError(f"{path}: is no GLB file; export it again")
+        raise InputError(f"{path}: is not a GLB file; export it again")
     try:
         version, length = struct.unpack_from("<II", data, 4)
         if version != 2:

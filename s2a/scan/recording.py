@@ -109,7 +109,7 @@ def images(
     """Yield every so many frames, their depth [m], shape [row column], 0 beyond a distance [m], and their colours, or None.
 
     Raises:
-        InputError: an image that cannot be read, or depth that is no image of 16 bits or floats of the same size in all frames.
+        InputError: an image that cannot be read, or depth that is not 16 bits or floats of the same size in all frames.
     """
     size = None
     for frame in recording.frames[::every]:
@@ -133,7 +133,7 @@ def measured(recording: RgbdRecording, frame: PosedFrame, far: float = np.inf) -
     """
     raw = frame.depth.load()
     if raw.ndim != 2 or raw.dtype.itemsize < 2:
-        raise InputError(f"{frame.depth.name}: is no 16 bit depth image; expected a PNG with one channel of 16 bits")
+        raise InputError(f"{frame.depth.name}: is not a 16 bit depth image; expected a PNG with one channel of 16 bits")
     if raw.dtype.kind == "f":
         depth = np.nan_to_num(raw, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float32)
         valid = depth > 0

@@ -275,7 +275,7 @@ def _polycam(folder: Path) -> RgbdRecording:
                 camera = Intrinsics(*(float(data[key]) for key in ("fx", "fy", "cx", "cy")))
                 size = float(data["width"]), float(data["height"])
             except (KeyError, TypeError, ValueError) as error:
-                raise InputError(f"{path}: is no camera of Polycam ({type(error).__name__} {error})") from error
+                raise InputError(f"{path}: is not a camera of Polycam ({type(error).__name__} {error})") from error
             poses.append(checked_pose(np.array([*rows, [0, 0, 0, 1]]), path))
             cameras.append(camera)
             depth_cameras.append(camera.scaled(size, image_size(depths[0])))
@@ -327,7 +327,7 @@ def _record3d_frames(
         raise InputError(f"{path}: its metadata are damaged ({type(error).__name__} {str(error)[:60]})") from error
     if len(poses) != count or len(cameras) != count:
         raise InputError(
-            f"{path}: {count} depth images, {len(poses)} poses and {len(cameras)} cameras; they must be as many"
+            f"{path}: {count} depth images, {len(poses)} poses and {len(cameras)} cameras; their numbers must be equal"
         )
     moves = [pose_of_quaternion(row[:4], row[4:], path) for row in poses]
 

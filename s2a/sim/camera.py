@@ -109,7 +109,7 @@ class CameraConfig:
         height: [pixel].
         fov: vertical field of view [rad].
         distance: from the middle between robot and handle [m].
-        azimuth: how far the camera stands to the side of the line from robot to furniture, turned about z [rad].
+        azimuth: angle of the camera to the side of the line from robot to furniture, turned about z [rad].
         elevation: above the horizon [rad].
     """
 
@@ -249,7 +249,7 @@ class ViewsConfig:
         height: [pixel].
         wrist_fov: vertical field of view of the wrist's camera [rad].
         scene: the camera before the furniture; its width and height are not used.
-        jitter: how far the scene's camera is shifted in each direction, at most [m]; drawn for each episode.
+        jitter: maximum shift of the scene's camera in each direction [m]; drawn for each episode.
         light: least and greatest brightness of the light from everywhere, drawn for each batch of episodes.
     """
 

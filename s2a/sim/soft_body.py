@@ -20,8 +20,8 @@ class SoftShape:
     """How an asset is made a soft body.
 
     Attributes:
-        length: of its longest extent [m]. The torso, 56 mm wide, then fits between fingers that open 80 mm.
-        cells: of the simulated grid along that. With 10 its legs fall off; with the asset's own 30 a step takes
+        length: its longest extent [m]. The torso, 56 mm wide, then fits between fingers that open 80 mm.
+        cells: number of cells of the simulated grid along that. With 10 its legs fall off; with the asset's own 30 a step takes
             three times as long.
         fill: least fraction of a cell that the asset fills for the cell to be simulated.
     """

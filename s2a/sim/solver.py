@@ -70,12 +70,12 @@ class Variation:
     """By what each world's values are multiplied; drawn once, so that they stay as long as the worlds.
 
     Attributes:
-        joint_friction: of the part's joint: its dry friction.
+        joint_friction: dry friction of the part's joint.
         joint_damping: its damping.
-        mass: of the part.
-        contact_friction: of all surfaces of a world.
+        mass: mass of the part.
+        contact_friction: friction of all surfaces of a world.
         gains: stiffness and damping of the arm's position controller.
-        seed: of the draws.
+        seed: seed of the draws.
     """
 
     joint_friction: Range
@@ -129,18 +129,18 @@ class SimConfig:
     Attributes:
         dt: physics time step [s].
         substeps: physics steps a control step; even, so that a captured step ends in the buffer it began with.
-        iterations: of the constraint solver.
-        ls_iterations: of its line search.
+        iterations: iterations of the constraint solver.
+        ls_iterations: iterations of its line search.
         cone: friction cone.
         impratio: ratio of friction to normal impedance; higher slips less.
         njmax: constraint rows a world.
         nconmax: contacts a world.
         multiccd: Enable several contacts a pair of hulls.
         load_static_colliders: Load the room's colliders.
-        gains: of the robot's position controller; null: the robot's own.
+        gains: gains of the robot's position controller; null: the robot's own.
         gravity_compensation: the robot's weight is carried.
-        limits: what the arm's controller keeps to; null: nothing, and targets move as far as the task's action asks.
-        joint: how the target's joint resists.
+        limits: limits to which the arm's controller keeps; null: none, and targets move as far as the task's action asks.
+        joint: resistance of the target's joint.
         vary: by what worlds differ; null: by nothing.
         grip_stiffness: position gain of the finger joints [N/m], instead of that of the gains; null: theirs.
         coupled_fingers: one motor drives both, where the gripper has but one. Two that press with all their force yield to any

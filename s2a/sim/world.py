@@ -78,7 +78,7 @@ class JointConfig:
     """How the target's joint resists, beside the dry friction that the stage gives it, unless a stage has what was identified.
 
     Attributes:
-        stiffness: of the spring that draws the part to its scanned pose [N/m]; of `spring` "joint" [N/m] or [N m/rad].
+        stiffness: stiffness of the spring that draws the part to its scanned pose [N/m]; of `spring` "joint" [N/m] or [N m/rad].
         damping: [N s/m] or [N m s/rad].
         spring: "grasp": the spring's force grows with the path of the grasp point, on every lever arm alike; "joint": with
             the joint's coordinate.

@@ -55,7 +55,7 @@ class PartMdp(MdpConfig):
         tcp_offset: shift of the tool frame from the point between the pads, in that frame [m].
         describe_part: for a policy of many parts: observe also what tells one from another, and give the critic what no sensor
             measures (`s2a.tasks.mdp.observations`).
-        fine_grasp: of these, observe the way to the grasp in fine too, and whether the gripper holds from within.
+        fine_grasp: observe the vector to the grasp in finer units too, and whether the gripper holds from within.
         grasp_error: least and greatest distance of the grasp that is seen from the true one [m], drawn for an episode; it has any
             direction.
         grasp_turn: least and greatest angle between them [degree], about any axis.

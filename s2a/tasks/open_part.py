@@ -19,7 +19,7 @@ class OpenPartConfig(PartMdp):
     """The decision process; lengths hold for a part whose grasp point travels `full_travel` or more.
 
     Attributes:
-        close_distance: where the distance term doubles, and within which the closing term counts [m].
+        close_distance: distance below which the distance term doubles and the closing term counts [m].
         gentle_force: contact force of the robot that costs nothing yet [N].
         bonus_openings: openings that give a bonus of 1 each [m].
         termination_opening: opening that ends the episode [m]; infinite: never.
@@ -50,7 +50,7 @@ class OpenPartMetrics(MetricsConfig):
         full_fraction: fraction of the travel that counts as `open_95pct`.
         contact_force: normal force from which a contact counts [N].
         grasp_fraction: fraction of the gained opening over which a grasp must have held for `grasp_success`.
-        contact_fraction: that over which a contact must have held for the other success metrics.
+        contact_fraction: fraction over which a contact must have held for the other success metrics.
     """
 
     success_opening: Positive

@@ -27,9 +27,9 @@ class PickPlaceConfig(MdpConfig):
     what is near that), a pose "x y z [yaw in degrees]" of the object's origin, or the insert.json of an insertion of it.
 
     Attributes:
-        start: where the object stands at the start of an episode.
-        place: where it is to be placed.
-        start_shift: how far from there it stands along x and y, at most [m]; drawn for each episode and world.
+        start: place of the object at the start of an episode.
+        place: place where it is put.
+        start_shift: maximum distance from there along x and y [m]; drawn for each episode and world.
         start_turn: by how much it is turned about the vertical there, at most [rad]; likewise.
         velocity_scale: factor of the joint velocities in the observation.
         observation_limit: observations are clamped to +- this.
@@ -37,11 +37,11 @@ class PickPlaceConfig(MdpConfig):
         contact_force: normal force of each finger from which a grasp holds [N].
         rest_time: for which the object rests at its place before the episode ends [s].
         settle_time: at the start of an episode, in which objects come to rest before displacements count [s].
-        position_tolerance: of the object at its place [m].
+        position_tolerance: tolerance of the object's position at its place [m].
         angle_tolerance: likewise [rad].
         rest_shift: displacement of the object's origin in `rest_time`, up to which it is at rest [m].
-        rest_turn: of its rotation, likewise [rad].
-        clear_distance: of the tool frame's origin and both fingers from the object's surface, from which the gripper is gone [m].
+        rest_turn: the same of its rotation [rad].
+        clear_distance: distance of tool frame and fingers from the object's surface beyond which the gripper has retreated [m].
     """
 
     start: str | None

@@ -26,7 +26,7 @@ class PutInConfig(PickPlaceConfig):
 
     Attributes:
         opening: to which the part is opened, path of its grasp point [m]; 95 % of the travel where that is less.
-        closed_fraction: of its travel, up to which the part is shut.
+        closed_fraction: fraction of its travel up to which the part counts as closed.
     """
 
     opening: Positive

@@ -47,16 +47,15 @@ class SoftMetrics:
     """Thresholds.
 
     Attributes:
-        position: of the centre of mass at its place [m]: a soft body sags, leans and gives way by more than a rigid one, and
-            has no one orientation that a tolerance of degrees could be of.
+        position: tolerance of the centre of mass at its place [m]: a soft body sags and leans more than a rigid one, and has no
+            single orientation.
         rest_time: at rest, at the end of the episode [s].
-        rest_speed: of the centre of mass, up to which it rests [m/s].
-        clear_distance: of fingers and gripper body from the body's vertices, from which the gripper is gone [m].
-        contact_force: of each finger, from which a pinch holds [N].
-        carried_fraction: of the body's path over which a pinch must have held.
-        max_drift: of the body after the last touch [m]: more is dropped or thrown.
-        max_depth: of the arm in the room's hulls, at any time [m]. As the planner allows; the spheres stand out of the
-            links by more.
+        rest_speed: speed of the centre of mass up to which it rests [m/s].
+        clear_distance: distance of fingers and gripper body from the body's vertices beyond which the gripper has retreated [m].
+        contact_force: force of each finger from which a pinch holds [N].
+        carried_fraction: fraction of the body's path over which a pinch must have held.
+        max_drift: maximum drift of the body after the last contact [m]: more is dropped or thrown.
+        max_depth: maximum depth of the arm in the room's hulls, at any time [m], as in the planner.
     """
 
     position: Positive = 0.05
@@ -213,7 +212,7 @@ def _candidates(room: SimRoom, body: SoftBody, config: SoftConfig, task: PickPla
     start, place = task.start, task.place
     if start is None or place is None or start == place or any(each.endswith(".json") for each in (start, place)):
         raise InputError(
-            f"task.start={start} and task.place={place}: with physics=soft the body stands nowhere in the room; give the id "
+            f"task.start={start} and task.place={place}: with physics=soft the body is not part of the room; give the id "
             "of a support or a pose for each, two different ones"
         )
     ends = [each for each in (start, place) if each != NEAR]

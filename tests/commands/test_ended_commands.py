@@ -157,12 +157,12 @@ def test_an_ended_command_keeps_the_earlier_output_and_can_be_run_again(
         time.sleep(fraction * whole)
         process.send_signal(number)
         said = process.communicate()[1]
-        assert process.returncode in (0, 1, 130, 143, -number) or b"has done its" in said, said
+        assert process.returncode in (0, 1, 130, 143, -number) or b"has completed its" in said, said
         assert b"bug" not in said, said
         states.append(content(out) if number != signal.SIGKILL else ours(content(out)))
     again = begun(command, inputs, out, 1)
     said = again.communicate()[1]
-    assert again.returncode in (0, 1) or b"has done its" in said, said
+    assert again.returncode in (0, 1) or b"has completed its" in said, said
     after = content(out)
     assert after == ours(after)
     for state in states if command != "train" else ():  # whose checkpoints are there to go on from
@@ -251,7 +251,7 @@ def test_of_two_commands_at_once_no_output_is_mixed(command: str, inputs: Path, 
     print(command, [process.returncode for process in pair])
     assert min(process.returncode for process in pair) in (0, 1), said
     for process, words in zip(pair, said, strict=True):
-        held = "is being written by" in words or "holds files" in words or "has done its" in words
+        held = "is being written by" in words or "holds files" in words or "has completed its" in words
         assert process.returncode in (0, 1) or (process.returncode == 2 and held), words
         assert "bug" not in words
     assert content(out) == ours(content(out)) and not list(tmp_path.rglob(f"*{LOCK}"))

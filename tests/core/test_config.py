@@ -341,5 +341,5 @@ def test_a_sweep_does_not_rewrite_numbers_that_are_texts():
 
 
 def test_a_home_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
-    with pytest.raises(InputError, match="'~nobody-here/x': there is no such home"):
+    with pytest.raises(InputError, match="'~nobody-here/x': no such home directory"):
         config.load(Room, room(out="~nobody-here/x"))

@@ -185,7 +185,7 @@ def test_a_visit_has_its_own_frame_errors_and_name_and_says_so_in_the_truth() ->
 
 def test_what_cannot_be_opened_is_refused() -> None:
     room = home("kitchen", 0)
-    with pytest.raises(InputError, match="is no part that moves"):
+    with pytest.raises(InputError, match="is not a part that moves"):
         again(room, {"wall_1": 0.1}, 0, np.random.default_rng(0))
     drawer = next(e.part_id for e in catalog(room.pieces) if e.piece.name == "drawer")
     with pytest.raises(InputError, match="outside of its range"):

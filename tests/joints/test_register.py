@@ -190,7 +190,7 @@ def test_the_command_writes_the_parts_as_an_annotation_that_others_read(
     opened = write_scan(tmp_path / "open", scan({"drawer_6": 0.25})[0])
     assert cli.main(["register", f"closed={closed}", f"open={opened}", f"out={tmp_path / 'out'}"]) == 0
     said = capsys.readouterr().out
-    assert "1 parts stand open" in said and "drawer.1: prismatic, open by 0.250" in said
+    assert "1 parts are open" in said and "drawer.1: prismatic, open by 0.250" in said
     scene = api.load_scene(tmp_path / "out")
     assert scene.movable == ("drawer_1",)
     joint = scene.joint("drawer_1")

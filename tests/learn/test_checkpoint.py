@@ -85,7 +85,7 @@ def test_a_damaged_checkpoint_is_one_line(run: Path, damage: str) -> None:
         torch.save(whole, file)
     with pytest.raises(InputError) as refused:
         train(CountingEnv(), load(PpoConfig, "ppo/default", **{**SMALL, "iterations": 3}), run, file)
-    assert str(refused.value).startswith(f"{file}: not a checkpoint that this run can go on from (")
+    assert str(refused.value).startswith(f"{file}: not a checkpoint that this run can continue from (")
     assert "\n" not in str(refused.value)
 
 

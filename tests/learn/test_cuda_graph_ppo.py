@@ -125,7 +125,7 @@ def test_a_policy_that_is_no_number_any_more_ends_the_training(bad: float) -> No
 
     env = Broken()
     runner = make_runner(RslRlEnv(env, 1.0), load(PpoConfig, "ppo/default", **SMALL, cuda_graph=True), None)
-    with pytest.raises(InputError, match="the policy has non-finite parameters; go on from the last checkpoint"):
+    with pytest.raises(InputError, match="the policy has non-finite parameters; continue from the last checkpoint"):
         runner.learn(3)
     assert env.steps == 16  # two iterations of 8
 

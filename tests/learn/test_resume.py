@@ -118,7 +118,7 @@ def test_a_checkpoint_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: p
 def test_a_run_is_not_begun_over_another_nor_gone_on_when_done(tmp_path: Path) -> None:
     keys = [f"stage={tmp_path / 'sim.usd'}", f"out={tmp_path}", "ppo.iterations=3"]
     (tmp_path / "model_2.pt").touch()
-    with pytest.raises(InputError, match="go on with resume=true"):
+    with pytest.raises(InputError, match="continue with resume=true"):
         verb.run(config.load(verb.Config, config.compose("train", keys)))
     torch.save({}, tmp_path / "model_2.pt")
     settings = config.load(verb.Config, config.compose("train", [*keys, "resume=true"]))
@@ -128,7 +128,7 @@ def test_a_run_is_not_begun_over_another_nor_gone_on_when_done(tmp_path: Path) -
     run_folder.keep_settings(verb.asdict(settings), tmp_path)
     torch.save({}, tmp_path / "model_2.pt")
     (tmp_path / "metrics.json").touch()
-    with pytest.raises(InputError, match="has done its 3 iterations"):
+    with pytest.raises(InputError, match="has completed its 3 iterations"):
         verb.run(settings)
 
 

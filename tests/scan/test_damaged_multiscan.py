@@ -61,8 +61,8 @@ RELEASED = {
     "part ids are a string": (thing(2), "partIds", "4", ("object 2", "partIds", "'4'", "list of whole")),
     "parent not there": (part(2), "parentId", 99, ("part 2", "door.1", "parentId", "99", "1, 2, 3")),
     "parent in another object": (part(2), "parentId", 4, ("part 2", "parentId", "4", "1, 2, 3")),
-    "parent is itself": (part(3), "parentId", 3, ("parentId", "circle", "'shelf.1' -> 'shelf.1'")),
-    "parents in a circle": (part(6), "parentId", 5, ("parentId", "circle", "'door.1'", "'door_frame.1'")),
+    "parent is itself": (part(3), "parentId", 3, ("parentId", "cycle", "'shelf.1' -> 'shelf.1'")),
+    "parents in a cycle": (part(6), "parentId", 5, ("parentId", "cycle", "'door.1'", "'door_frame.1'")),
     "articulations are an object": (
         part(2),
         "articulations",

@@ -86,7 +86,7 @@ WRONG_VALUES = {
     "kind is unknown": (joint, "type", "screw", (ARTIC, "part 3", "type", "'screw'", "rotation, translation")),
     "kind is a number": (joint, "type", 1, (ARTIC, "part 3", "type", "1", "string")),
     "moving part is not there": (joint, "pid", 9, (ARTIC, "articulation 0", "pid", "9", "partId", "1 to 5")),
-    "part stands on itself": (joint, "base", [3], (ARTIC, "base", "circle", "3 'door.1.2' -> 3")),
+    "part stands on itself": (joint, "base", [3], (ARTIC, "base", "cycle", "3 'door.1.2' -> 3")),
     "base is a string": (joint, "base", "1", (ARTIC, "part 3", "base", "'1'", "list of whole")),
     "segments of another mesh": (
         top("segments.json"),
@@ -122,7 +122,7 @@ def test_parts_that_stand_on_each_other_are_refused(tmp_path):
     files = tiny_scan.contents()
     files[ARTIC]["data"]["articulations"].append(joint(files) | {"pid": 5, "base": [3]})
     joint(files)["base"] = [1, 5]
-    assert_refused(tiny_scan.write(tmp_path / "scan", files), ARTIC, "base", "circle", "3 'door.1.2'", "5 'handle")
+    assert_refused(tiny_scan.write(tmp_path / "scan", files), ARTIC, "base", "cycle", "3 'door.1.2'", "5 'handle")
 
 
 def test_a_group_of_an_unknown_segment_is_refused(tmp_path):

@@ -326,7 +326,7 @@ LENS = "lowres_wide_intrinsics/41048190_3414.300.pincam"  # Of the third frame
         ("Polycam", remove("keyframes/cameras/9500000.json"), "is missing"),
         ("Polycam", cut("keyframes/confidence/9500000.png"), "damaged"),
         ("Record3D", cut("metadata"), "no JSON"),
-        ("Record3D", remove("rgbd/1.depth"), "must be as many|is missing"),
+        ("Record3D", remove("rgbd/1.depth"), "numbers must be equal|is missing"),
         ("Record3D", cut("rgbd/1.conf"), "pyliblzfse|damaged|bytes"),
         ("nerfstudio", cut("transforms.json"), "no JSON"),
         ("nerfstudio", remove("depth_1.png"), "1 of 4 depth images are missing"),

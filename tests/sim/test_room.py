@@ -53,7 +53,7 @@ def below(builder: newton.ModelBuilder, body: str) -> set[str]:
 def test_a_room_of_several_parts_asks_which(path: Path) -> None:
     with pytest.raises(InputError, match=r"6 articulated parts; give part= one of: drawer_7, drawer_8"):
         read_stage(path)
-    with pytest.raises(InputError, match="'table_4' is no articulated part"):
+    with pytest.raises(InputError, match="'table_4' is not an articulated part"):
         read_stage(path, "table_4")
     with pytest.raises(InputError, match="'cup_1' neither moves on a joint nor lies free"):
         read_stage(path, "drawer_7", also=("cup_1",))

@@ -571,20 +571,20 @@ def _features() -> list[Feature]:
     vertex = f'color3f[] primvars:displayColor = {rows([LIGHT[:3]] * 4)} (\n interpolation = "vertex"\n)'
     color("vertices, floats", "USD", usd(usd_mesh(more=vertex)), DISPLAY)
     color(
-        "vertices beside a plain material",
+        "vertices with a white material",
         "glTF",
         gltf_color(np.round(np.array(LIGHT) * 65535), "u2", [], normalized=True),
         DISPLAY,
     )
     color(
-        "vertices beside a plain material",
+        "vertices with a white material",
         "OBJ",
         obj(USE, "newmtl red\nKd 1 1 1", colors=np.array([128, 51, 26]) / 255),
         SHOWN,
     )
-    color("material times vertices", "glTF", gltf_color([1, 0.4, 0.2], "f4", [0.5, 0.5, 0.5, 1]), DISPLAY)
+    color("product of material and vertices", "glTF", gltf_color([1, 0.4, 0.2], "f4", [0.5, 0.5, 0.5, 1]), DISPLAY)
     both = usd_mesh(more=vertex + "\n" + PAINTED, api=True) + usd_material("color3f inputs:diffuseColor = (0, 0, 1)")
-    color("material hides vertices", "USD", usd(both), BLUE)
+    color("material overrides vertices", "USD", usd(both), BLUE)
     color("material", "glTF", _factor([0.5, 0.5, 0.5, 1]), HALF)
     color("material", "OBJ", obj(USE, "newmtl red\nKd 0.5 0.2 0.1"), (128, 51, 26))
     plain = usd_mesh(more=PAINTED, api=True) + usd_material("color3f inputs:diffuseColor = (0.5, 0.5, 0.5)")
@@ -597,11 +597,11 @@ def _features() -> list[Feature]:
         'color3f[] primvars:displayColor = [(1, 0, 0), (0.5, 0.5, 0.5)] (\n interpolation = "vertex"\n)\n'
         "int[] primvars:displayColor:indices = [1, 1, 1, 1]"
     )
-    color("indexed", "USD", usd(usd_mesh(more=indexed)), HALF)
+    color("indexed primvars", "USD", usd(usd_mesh(more=indexed)), HALF)
     shade = f'color3f[] primvars:shade = {rows([LIGHT[:3]] * 4)} (\n interpolation = "vertex"\n)\n{PAINTED}'
     slot = "color3f inputs:diffuseColor.connect = </R/paint/reader.outputs:result>"
     color(
-        "material that shows a primvar",
+        "material that reads a primvar",
         "USD",
         usd(usd_mesh(more=shade, api=True) + usd_material(slot, PRIMVAR)),
         DISPLAY,
@@ -632,15 +632,17 @@ def _features() -> list[Feature]:
         faces=2,
     )
     inherited = f'def Xform "above"\n{{\n color3f[] primvars:displayColor = [(0, 0, 1)]\n {usd_mesh()}\n}}'
-    color("inherited from above", "USD", usd(inherited), BLUE)
+    color("inherited from a parent prim", "USD", usd(inherited), BLUE)
     blue = usd_material("color3f inputs:diffuseColor = (0, 0, 1)")
-    color("inherited from above", "USD", usd(f'def Xform "above"\n{{\n {PAINTED} {usd_mesh()}\n}}\n{blue}'), BLUE)
+    color(
+        "inherited from a parent prim", "USD", usd(f'def Xform "above"\n{{\n {PAINTED} {usd_mesh()}\n}}\n{blue}'), BLUE
+    )
     timed = "color3f[] primvars:displayColor.timeSamples = { 1: [(0, 0, 1)], 5: [(1, 0, 0)] }"
     color("time samples", "USD", usd(usd_mesh(more=timed)), BLUE)
     surface = 'uniform token info:id = "ND_standard_surface_surfaceshader"'
     inputs = "color3f inputs:base_color = (1, 1, 1)\nfloat inputs:base = 0.5"
     color("MaterialX", "USD", usd(usd_mesh(more=PAINTED, api=True) + usd_material(inputs, "", surface, "mtlx:")), HALF)
-    color("levels in a wider type", "PLY", ply("ushort", 255), SHOWN, warned=("levels of 255",))
+    color("colours of 0 to 255 in a wider type", "PLY", ply("ushort", 255), SHOWN, warned=("levels of 255",))
     color("transparency", "glTF", _factor([0.5, 0.5, 0.5, 0.3], mode="BLEND"), HALF, warned=("2 faces", "opaque"))
 
     clear = usd_material("color3f inputs:diffuseColor = (0.5, 0.5, 0.5)\nfloat inputs:opacity = 0.3")
@@ -664,14 +666,16 @@ def _features() -> list[Feature]:
     texture("second set of coordinates", "glTF", gltf_texture(LEFT, RIGHT, info={"texCoord": 1}))
     texture("second set of coordinates", "USD", usd(usd_textured(primvar="UVMap_2")))
     transform = {"extensions": {"KHR_texture_transform": {"offset": [0.5, 0.0]}}}
-    texture("moved coordinates", "glTF", gltf_texture(LEFT, info=transform, need=("KHR_texture_transform",)))
-    texture("moved coordinates", "glTF", gltf_texture(LEFT, info=ROTATED, need=("KHR_texture_transform",)))
+    texture("transformed coordinates", "glTF", gltf_texture(LEFT, info=transform, need=("KHR_texture_transform",)))
+    texture("transformed coordinates", "glTF", gltf_texture(LEFT, info=ROTATED, need=("KHR_texture_transform",)))
     other = {"extensions": {"KHR_texture_transform": {"texCoord": 1}}}
     texture(
-        "moved coordinates", "glTF", gltf_texture(LEFT, RIGHT, info=other, need=("KHR_texture_transform",), used=True)
+        "transformed coordinates",
+        "glTF",
+        gltf_texture(LEFT, RIGHT, info=other, need=("KHR_texture_transform",), used=True),
     )
-    texture("moved coordinates", "OBJ", obj(USE, "newmtl red\nmap_Kd -s 2 1 1 -o 0.25 0 0 paint.png", uv=LEFT))
-    texture("moved coordinates", "USD", usd(usd_textured(st=LEFT, nodes=MOVED, source="moved")))
+    texture("transformed coordinates", "OBJ", obj(USE, "newmtl red\nmap_Kd -s 2 1 1 -o 0.25 0 0 paint.png", uv=LEFT))
+    texture("transformed coordinates", "USD", usd(usd_textured(st=LEFT, nodes=MOVED, source="moved")))
     texture("coordinates, 8 and 16 bits", "glTF", gltf_texture(RIGHT, kind="u1"))
     texture("coordinates, 8 and 16 bits", "glTF", gltf_texture(RIGHT, kind="u2"))
     texture("clamped, mirrored", "glTF", gltf_texture((1.3, 0.5), sampler={"wrapS": 33071}))
@@ -679,14 +683,17 @@ def _features() -> list[Feature]:
     texture("clamped, mirrored", "OBJ", obj(USE, "newmtl red\nmap_Kd -clamp on paint.png", uv=(1.3, 0.5)))
     texture("clamped, mirrored", "USD", usd(usd_textured('token inputs:wrapS = "mirror"', st=(1.3, 0.5))))
     texture(
-        "image times factor and vertices",
+        "product of image, factor and vertices",
         "glTF",
         gltf_texture(RIGHT, surface={"baseColorFactor": [1, 1, 0.5, 1]}, color=[1, 1, 1]),
         (0, 0, 188),
     )
-    texture("image times factor and vertices", "glTF", gltf_texture(RIGHT, color=[1, 1, 0.5]), (0, 0, 188))
+    texture("product of image, factor and vertices", "glTF", gltf_texture(RIGHT, color=[1, 1, 0.5]), (0, 0, 188))
     texture(
-        "image times factor and vertices", "USD", usd(usd_textured("float4 inputs:scale = (1, 1, 0.5, 1)")), (0, 0, 188)
+        "product of image, factor and vertices",
+        "USD",
+        usd(usd_textured("float4 inputs:scale = (1, 1, 0.5, 1)")),
+        (0, 0, 188),
     )
     texture("specular glossiness", "glTF", gltf_texture(RIGHT, material=GLOSS))
     emission = {
@@ -702,13 +709,13 @@ def _features() -> list[Feature]:
         usd(usd_mesh(more=mdl, api=True) + usd_material("asset inputs:diffuse_texture = @paint.png@", "", MDL, "mdl:")),
     )
     texture(
-        "KTX2, needed",
+        "KTX2, required",
         "glTF",
         gltf_texture(RIGHT, texture=BASISU, data=KTX, need=("KHR_texture_basisu",)),
         refused=("KHR_texture_basisu",),
     )
     texture(
-        "KTX2, if possible",
+        "KTX2, optional",
         "glTF",
         gltf_texture(RIGHT, texture=BASISU, data=KTX, need=("KHR_texture_basisu",), used=True),
         GREY,
@@ -752,7 +759,7 @@ def _features() -> list[Feature]:
     add(GEOMETRY, "instances", "glTF", gltf(_instances), area=2.0 + 2.0 + 8.0, faces=6)
     add(GEOMETRY, "morph weights", "glTF", gltf(_morph), area=4.0)
     add(GEOMETRY, "skins", "glTF", gltf(_skin), area=6.0)
-    add(GEOMETRY, "further scenes", "glTF", gltf(_scenes), warned=("1 meshes", "scene 0"))
+    add(GEOMETRY, "additional scenes", "glTF", gltf(_scenes), warned=("1 meshes", "scene 0"))
     add(
         GEOMETRY,
         "points, lines, curves",
@@ -763,8 +770,8 @@ def _features() -> list[Feature]:
     add(GEOMETRY, "points, lines, curves", "OBJ", obj("l 1 2\nl 2 3\np 1"), warned=("2 lines", "1 points"))
     curve = 'def BasisCurves "wire" { int[] curveVertexCounts = [2]\n point3f[] points = [(0, 0, 0), (1, 1, 1)]\n }'
     add(GEOMETRY, "points, lines, curves", "USD", usd(usd_mesh() + curve), warned=("1 prims of type BasisCurves",))
-    add(GEOMETRY, "faces of two corners", "OBJ", obj("f 1 2"), warned=("1 faces", "fewer than 3"))
-    add(GEOMETRY, "faces of two corners", "PLY", ply(polygons=((0, 1), *CORNERS)), warned=("1 faces", "fewer than 3"))
+    add(GEOMETRY, "faces with two corners", "OBJ", obj("f 1 2"), warned=("1 faces", "fewer than 3"))
+    add(GEOMETRY, "faces with two corners", "PLY", ply(polygons=((0, 1), *CORNERS)), warned=("1 faces", "fewer than 3"))
     grid: dict[str, Any] = {"area": 1.0, "faces": 800}
     points, faces = rug()
     one = [tuple(int(i) + 1 for i in face) for face in faces]
@@ -777,7 +784,11 @@ def _features() -> list[Feature]:
     add(GEOMETRY, "compressed", "glTF", _needs("KHR_draco_mesh_compression"), refused=("Draco", "gltf-transform"))
     add(GEOMETRY, "compressed", "glTF", _needs("EXT_meshopt_compression"), refused=("meshopt", "gltf-transform"))
     add(
-        GEOMETRY, "unknown extension, needed", "glTF", _needs("ACME_secret_geometry"), refused=("ACME_secret_geometry",)
+        GEOMETRY,
+        "unknown extension, required",
+        "glTF",
+        _needs("ACME_secret_geometry"),
+        refused=("ACME_secret_geometry",),
     )
 
     add(STAGES, "invisible", "glTF", gltf(_hidden), warned=("1 nodes are invisible",))
@@ -875,15 +886,15 @@ def _features() -> list[Feature]:
     named("images with spaces, #, quotes", "OBJ", obj(USE, "newmtl red\nmap_Kd paint.png # the paint", uv=RIGHT))
     named("images with spaces, #, quotes", "PLY", _beside(ply(uv=RIGHT, comment=b"TextureFile " + odd.encode()), odd))
     named("images with spaces, #, quotes", "USD", _beside(usd(usd_textured(file=odd)), odd))
-    named("paths of another machine", "OBJ", obj(USE, "newmtl red\nmap_Kd C:\\Users\\me\\Paint.PNG", uv=RIGHT))
+    named("absolute paths of another machine", "OBJ", obj(USE, "newmtl red\nmap_Kd C:\\Users\\me\\Paint.PNG", uv=RIGHT))
     named(
-        "paths of another machine",
+        "absolute paths of another machine",
         "OBJ",
         obj(USE, "newmtl red\nmap_Kd tex\\p.png", uv=RIGHT, files={"tex/p.png": image()}),
     )
-    named("paths of another machine", "USD", usd(usd_textured(file="C:/Users/me/Paint.PNG")))
+    named("absolute paths of another machine", "USD", usd(usd_textured(file="C:/Users/me/Paint.PNG")))
     library = {"lib/b.mtl": "newmtl red\nmap_Kd paint.png"}
-    named("paths of another machine", "OBJ", obj("mtllib lib/b.mtl\nusemtl red", uv=RIGHT, files=library))
+    named("absolute paths of another machine", "OBJ", obj("mtllib lib/b.mtl\nusemtl red", uv=RIGHT, files=library))
     blue = "newmtl {}\nKd 0 0 1\n"
     named("materials with spaces and #", "OBJ", obj("mtllib a.mtl\nusemtl Material #25", blue.format("Material #25")))
     named("materials with spaces and #", "OBJ", obj("mtllib a.mtl\nusemtl red # mine", blue.format("red")))
@@ -903,11 +914,11 @@ def _features() -> list[Feature]:
         "OBJ",
         obj("mtllib my b.mtl c d.mtl\nusemtl red", files={"my b.mtl": "", "c d.mtl": blue.format("red")}),
     )
-    named("line ends", "OBJ", obj(USE, blue.format("red"), end="\r\n"))
-    named("line ends", "OBJ", obj(USE, blue.format("red"), end="\r"))
-    named("line ends", "OBJ", obj("mtllib a.mtl\nusemtl \\\nred", "newmtl red\nKd 0 \\\n0 1"))
-    named("line ends", "PLY", ply("uchar", 255, end=b"\r\n"), SHOWN)
-    named("line ends", "PLY", ply("uchar", 255, end=b"\r"), SHOWN)
+    named("all line endings", "OBJ", obj(USE, blue.format("red"), end="\r\n"))
+    named("all line endings", "OBJ", obj(USE, blue.format("red"), end="\r"))
+    named("all line endings", "OBJ", obj("mtllib a.mtl\nusemtl \\\nred", "newmtl red\nKd 0 \\\n0 1"))
+    named("all line endings", "PLY", ply("uchar", 255, end=b"\r\n"), SHOWN)
+    named("all line endings", "PLY", ply("uchar", 255, end=b"\r"), SHOWN)
     named("bytes that are not UTF-8", "OBJ", obj(USE, b"# caf\xe9 \x85\nnewmtl red\nKd 0 0 1\n"))
     named("bytes that are not UTF-8", "OBJ", _utf16)
     named("bytes that are not UTF-8", "PLY", ply("uchar", 255, comment=b"caf\xe9 \x85 Stra\xdfe"), SHOWN)
@@ -928,7 +939,7 @@ def _features() -> list[Feature]:
         faces=3,
     )
     named(
-        "corners with missing coordinates",
+        "corners with invalid indices of texture coordinates",
         "OBJ",
         obj("f 1/7/7 2/8/8 3/9/9"),
         GREY,
@@ -936,9 +947,9 @@ def _features() -> list[Feature]:
         area=3.0,
         faces=3,
     )
-    named("rows with more than the header tells", "PLY", _wedges, SHOWN)
+    named("rows with additional values", "PLY", _wedges, SHOWN)
     named("chunks without padding", "glTF", _unpadded, HALF)
-    named("missing library", "OBJ", obj("mtllib gone.mtl\nusemtl red"), GREY, warned=("gone.mtl", "missing"))
+    named("missing material library", "OBJ", obj("mtllib gone.mtl\nusemtl red"), GREY, warned=("gone.mtl", "missing"))
     return found
 
 

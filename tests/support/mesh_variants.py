@@ -296,15 +296,15 @@ def _variants() -> list[Feature]:
     color("material, unlit", "glTF", gltf(_unlit), HALF)
     color("emission of a black surface", "glTF", _emissive(None), DISPLAY)
     color("emission of a black surface", "glTF", _emissive(2.0), DISPLAY)
-    color("levels a little above 1", "OBJ", obj(colors=np.array([1.0004, 0, 0])), RED)
+    color("values slightly above 1", "OBJ", obj(colors=np.array([1.0004, 0, 0])), RED)
     over = [f"{row} 1.0004 0 0" for row in PLATE]
     color(
-        "levels a little above 1",
+        "values slightly above 1",
         "PLY",
         ascii_ply(f"{XYZ}, float red, float green, float blue", LIST, over, ["3 0 1 2", "3 0 2 3"]),
         RED,
     )
-    color("levels a little above 1", "glTF", gltf_color([1.5, 0, 0], "f4"), RED)
+    color("values slightly above 1", "glTF", gltf_color([1.5, 0, 0], "f4"), RED)
     levels = [f"{row} 127.6 51.3 25.7" for row in PLATE]
     color(
         "vertices, floats",
@@ -321,13 +321,13 @@ def _variants() -> list[Feature]:
     varying = (
         _vertex([(1, 0, 0), LIGHT[:3]], "faceVarying") + "\nint[] primvars:displayColor:indices = [1, 1, 1, 1, 1, 1]"
     )
-    color("indexed", "USD", usd(usd_mesh(more=varying)), DISPLAY)
+    color("indexed primvars", "USD", usd(usd_mesh(more=varying)), DISPLAY)
     uniform = _vertex([(1, 0, 0), LIGHT[:3]], "uniform") + "\nint[] primvars:displayColor:indices = [1, 1]"
-    color("indexed", "USD", usd(usd_mesh(more=uniform)), DISPLAY)
+    color("indexed primvars", "USD", usd(usd_mesh(more=uniform)), DISPLAY)
     color("faces", "USD", usd(usd_mesh(more=_vertex([LIGHT[:3]], "constant"))), DISPLAY)
     color("faces", "USD", usd(usd_mesh(more=_vertex([LIGHT[:3]] * 4, "varying"))), DISPLAY)
     few = _vertex([LIGHT[:3]] * 3, "vertex")
-    color("too few values", "USD", usd(usd_mesh(more=few)), GREY, warned=("displayColor", "3 values"))
+    color("too few colour values", "USD", usd(usd_mesh(more=few)), GREY, warned=("displayColor", "3 values"))
     half = _vertex([LIGHT] * 4, "vertex", "half4", "shade").replace("half4[]", "color4h[]")
     reader = """def Shader "reader"
   {
@@ -337,7 +337,7 @@ def _variants() -> list[Feature]:
   }"""
     slot = "color3f inputs:diffuseColor.connect = </R/paint/reader.outputs:result>"
     color(
-        "material that shows a primvar",
+        "material that reads a primvar",
         "USD",
         usd(usd_mesh(more=f"{half}\n{PAINTED}", api=True) + usd_material(slot, reader)),
         DISPLAY,
@@ -347,7 +347,7 @@ def _variants() -> list[Feature]:
     inside = usd_mesh(more="rel material:binding = </R/own>", api=True)
     above = f'def Xform "above" (prepend apiSchemas = ["MaterialBindingAPI"])\n{{\n{strong}\n{inside}\n}}\n{other}'
     gray = usd_material("color3f inputs:diffuseColor = (0.5, 0.5, 0.5)")
-    color("inherited from above", "USD", usd(above + gray), HALF)
+    color("inherited from a parent prim", "USD", usd(above + gray), HALF)
     collection = """def Xform "all" (prepend apiSchemas = ["MaterialBindingAPI", "CollectionAPI:walls"])
 {{
   uniform token collection:walls:expansionRule = "expandPrims"
@@ -357,19 +357,19 @@ def _variants() -> list[Feature]:
 }}
 """
     color("bound by a collection", "USD", usd(collection.format(usd_mesh()) + gray), HALF)
-    color("material states no colour", "OBJ", obj(USE, "newmtl red\nKs 1 0 0"), GREY, warned=("red", "no colour"))
+    color("material without a colour", "OBJ", obj(USE, "newmtl red\nKs 1 0 0"), GREY, warned=("red", "no colour"))
     color("transparency", "OBJ", obj(USE, "newmtl red\nKd 0.5 0.2 0.1\nmap_d paint.png"), SHOWN, warned=("opaque",))
     clear = _vertex([LIGHT[:3]]).replace('"vertex"', '"constant"') + "\nfloat[] primvars:displayOpacity = [0.2]"
     color("transparency", "USD", usd(usd_mesh(more=clear)), DISPLAY, warned=("opaque",))
 
     masked = {"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
-    texture("cut out by alpha", "glTF", gltf_texture(RIGHT, material=masked), warned=("2 faces", "opaque"))
+    texture("alpha cutout", "glTF", gltf_texture(RIGHT, material=masked), warned=("2 faces", "opaque"))
     alpha = "float inputs:opacity.connect = </R/paint/image.outputs:a>\n    color3f inputs:diffuseColor.connect"
     cut = usd_textured("float outputs:a").replace("color3f inputs:diffuseColor.connect", alpha)
     holes = io.BytesIO()
     Image.new("RGBA", (8, 8), (0, 0, 255, 0)).save(holes, "PNG")
-    texture("cut out by alpha", "USD", _painted(usd(cut), holes.getvalue()), warned=("/R/paint", "opaque"))
-    texture("cut out by alpha", "USD", usd(cut))  # an image without alpha has no holes
+    texture("alpha cutout", "USD", _painted(usd(cut), holes.getvalue()), warned=("/R/paint", "opaque"))
+    texture("alpha cutout", "USD", usd(cut))  # an image without alpha has no holes
     kinds = {
         "PNG of 16 bits": (deep_png(), BLUE),
         "grey PNG of 16 bits": (picture("I;16", level=128 * 257), (128, 128, 128)),
@@ -382,13 +382,13 @@ def _variants() -> list[Feature]:
         texture(name, "glTF", gltf_texture(RIGHT, data=data), expected)
         texture(name, "USD", _painted(usd(usd_textured()), data), expected)
         texture(name, "OBJ", obj(USE, "newmtl red\nmap_Kd my.img", uv=RIGHT, files={"my.img": data}), expected)
-    texture("photo with EXIF", "glTF", gltf_texture(RIGHT, data=turned_jpeg()), (0, 0, 254))
-    texture("image of one texel", "glTF", gltf_texture((7.3, -2.1), data=_texel()), BLUE)
+    texture("JPEG with EXIF data", "glTF", gltf_texture(RIGHT, data=turned_jpeg()), (0, 0, 254))
+    texture("image of a single pixel", "glTF", gltf_texture((7.3, -2.1), data=_texel()), BLUE)
     texture("clamped, mirrored", "glTF", gltf_texture((-0.3, 0.5), sampler={"wrapS": 33648, "wrapT": 33071}), RED)
     texture("clamped, mirrored", "glTF", gltf_texture((-0.3, 0.5), sampler={"magFilter": 9728}))
-    texture("coordinates far outside", "glTF", gltf_texture((1000.75, -999.5)))
-    texture("coordinates far outside", "OBJ", obj(USE, "newmtl red\nmap_Kd paint.png", uv=(-999.25, 77.5)))
-    texture("coordinates far outside", "USD", usd(usd_textured(st=(1000.75, -999.5))))
+    texture("coordinates far outside [0, 1]", "glTF", gltf_texture((1000.75, -999.5)))
+    texture("coordinates far outside [0, 1]", "OBJ", obj(USE, "newmtl red\nmap_Kd paint.png", uv=(-999.25, 77.5)))
+    texture("coordinates far outside [0, 1]", "USD", usd(usd_textured(st=(1000.75, -999.5))))
     texture(
         "coordinates that are not finite",
         "OBJ",
@@ -405,12 +405,18 @@ def _variants() -> list[Feature]:
     texture("several images", "USD", package(usd(_two_textured()), "a.png", "b.png"), ending=".usdz", **two)
     texture("image", "USD", usd(usd_textured(primvar="map1").replace("texCoord2f[]", "float2[]")))
     texture(
-        "levels as they are",
+        "raw colour space",
         "USD",
         _painted(usd(usd_textured('token inputs:sourceColorSpace = "raw"')), picture("RGB", level=(128, 128, 128))),
         HALF,
     )
-    texture("colour in place of a missing image", "glTF", gltf_texture(uri="gone.png"), GREY, warned=("gone.png",))
+    texture(
+        "base colour factor in place of a missing image",
+        "glTF",
+        gltf_texture(uri="gone.png"),
+        GREY,
+        warned=("gone.png",),
+    )
 
     facing = {"facing": DOWN}
     add(GEOMETRY, "mirrored nodes", "glTF", gltf(_mirrored), facing=UP)
@@ -423,18 +429,18 @@ def _variants() -> list[Feature]:
     add(GEOMETRY, "left-handed faces", "USD", usd(usd_mesh(more=f"{left}\n{mirror}")), **facing)
     add(GEOMETRY, "sheared nodes", "glTF", gltf(_sheared), facing=UP)
     add(GEOMETRY, "faces without indices", "glTF", gltf(_without_indices), facing=UP)
-    add(GEOMETRY, "no scene", "glTF", gltf(_no_scenes), area=8.0, facing=UP)
+    add(GEOMETRY, "files without a scene", "glTF", gltf(_no_scenes), area=8.0, facing=UP)
     add(GEOMETRY, "morph weights", "glTF", gltf(_quantized_morph), area=4.0)
     add(GEOMETRY, "compressed", "glTF", gltf(_fallback))
     lines = "\n".join(f"v {row}" for row in PLATE)
     add(GEOMETRY, "indices from the end", "OBJ", text(f"{lines}\nf -4 -3 -2\nf -4//-1 -2// -1/\n"), facing=UP)
     far = f"v 9 9 9\nv 9 9 9\n{lines}\nf -4 -3 -2 -1\nv 7 7 7\n"
     add(GEOMETRY, "indices from the end", "OBJ", text(far), facing=UP)
-    add(GEOMETRY, "faces before their vertices", "OBJ", text(f"f 1 2 3\nf 1 3 4\n{lines}\n"), facing=UP)
-    add(GEOMETRY, "lines that go on", "OBJ", text(f"{lines}\nf 1 \\\n2 3\\\n 4 # end\n"), facing=UP)
+    add(GEOMETRY, "faces listed before their vertices", "OBJ", text(f"f 1 2 3\nf 1 3 4\n{lines}\n"), facing=UP)
+    add(GEOMETRY, "continued lines", "OBJ", text(f"{lines}\nf 1 \\\n2 3\\\n 4 # end\n"), facing=UP)
     add(
         GEOMETRY,
-        "numbers as programs write them",
+        "all notations of numbers",
         "OBJ",
         text("v +0 -0 0.\r\nv\t2e0  0 0\r\nv 2. 1.E0 0 1.0\r\nv 0 1 .0\r\nf 1/ 2// 3 4\r\n"),
         facing=UP,
@@ -445,7 +451,7 @@ def _variants() -> list[Feature]:
         [f"{i} {'9 ' * i}7 {row}" for i, row in enumerate(PLATE)],
         ["1 5 3 0 1 2", "0 3 0 2 3"],
     )
-    add(GEOMETRY, "lists before coordinates", "PLY", order, facing=UP)
+    add(GEOMETRY, "list properties before coordinates", "PLY", order, facing=UP)
     camera = ("element camera 1", "property float view_px", "property list uchar float k", "1 2 8 9")
     add(
         GEOMETRY,
@@ -454,7 +460,7 @@ def _variants() -> list[Feature]:
         ascii_ply(XYZ, "list uchar uint vertex_index", PLATE, ["3 0 1 2", "3 0 2 3"], *camera),
         facing=UP,
     )
-    add(GEOMETRY, "faces before their vertices", "PLY", _faces_first, facing=UP)
+    add(GEOMETRY, "faces listed before their vertices", "PLY", _faces_first, facing=UP)
     add(GEOMETRY, "double coordinates", "PLY", ply(coordinate="double", form="binary_big_endian"), facing=UP)
     add(
         GEOMETRY,
@@ -519,21 +525,21 @@ def Xform "copy" (
 """
     add(STAGES, "instanceable prims", "USD", usd(twice), area=8.0, faces=4, facing=UP, colors=(GREY, BLUE))
 
-    add(NAMES, "padding of zeros", "glTF", chunks(b"\0"), colors=(DISPLAY,))
-    add(NAMES, "chunks of others", "glTF", chunks(b" ", struct.pack("<II", 4, 0x58585858) + b"abcd"), colors=(DISPLAY,))
+    add(NAMES, "padding by zeros", "glTF", chunks(b"\0"), colors=(DISPLAY,))
+    add(NAMES, "unknown chunks", "glTF", chunks(b" ", struct.pack("<II", 4, 0x58585858) + b"abcd"), colors=(DISPLAY,))
     add(
         NAMES,
-        "arrays in a file beside it",
+        "arrays in a separate file",
         "glTF",
         separate("my data (1).bin", "my%20data%20(1).bin"),
         ".gltf",
         colors=(DISPLAY,),
     )
-    add(NAMES, "arrays in a file beside it", "glTF", separate("büro.bin", "b%C3%BCro.bin"), ".gltf", colors=(DISPLAY,))
+    add(NAMES, "arrays in a separate file", "glTF", separate("büro.bin", "b%C3%BCro.bin"), ".gltf", colors=(DISPLAY,))
     blue = "newmtl red\nKd 0 0 1\n"
     add(
         NAMES,
-        "material before its library",
+        "material used before its library is named",
         "OBJ",
         text(f"usemtl red\n{lines}\nf 1 2 3 4\nmtllib late.mtl\n", {"late.mtl": blue.encode()}),
         colors=(BLUE,),
@@ -545,7 +551,7 @@ def Xform "copy" (
         obj("mtllib\ta.MTL \nusemtl\t red\t", "\tnewmtl red \n\tKd\t0  0 1 # blue\n"),
         colors=(BLUE,),
     )
-    add(NAMES, "line ends", "PLY", ply("uchar", 255, form="ascii", end=b"\r\n"), colors=(SHOWN,))
+    add(NAMES, "all line endings", "PLY", ply("uchar", 255, form="ascii", end=b"\r\n"), colors=(SHOWN,))
     add(NAMES, "blank lines", "PLY", _blank_lines, colors=(SHOWN,))
     return features
 

@@ -130,20 +130,20 @@ def _plain_files() -> list[Feature]:
 
     add(GEOMETRY, "several solids", "STL", solids(), facing=UP)
     add(GEOMETRY, "several solids", "STL", solids("solid\n"), facing=UP)
-    add(NAMES, "line ends", "STL", solids(end="\r\n"), facing=UP)
-    add(NAMES, "line ends", "STL", solids(end="\r"), facing=UP)
+    add(NAMES, "all line endings", "STL", solids(end="\r\n"), facing=UP)
+    add(NAMES, "all line endings", "STL", solids(end="\r"), facing=UP)
     add(NAMES, "bytes that are not UTF-8", "STL", solids("\n  SOLID K\xfcche {} vertex 1 2 3\n"), facing=UP)
     add(NAMES, "comments and blank lines", "STL", solids("# one\n\nsolid {}\n# two\n"), facing=UP)
-    add(GEOMETRY, "binary files that begin with solid", "STL", binary(b"solid room"), facing=UP)
-    add(GEOMETRY, "bytes behind the end", "STL", binary(more=b"\0\0\0"), warned=("3 bytes",), facing=UP)
+    add(GEOMETRY, 'binary files whose header begins with "solid"', "STL", binary(b"solid room"), facing=UP)
+    add(GEOMETRY, "bytes after the end", "STL", binary(more=b"\0\0\0"), warned=("3 bytes",), facing=UP)
     add(GEOMETRY, "map coordinates", "STL", text("solid a\n" + facets(SQUARE + UTM) + "endsolid a\n"), facing=UP)
     ended = text("solid a\n" + facets() + "endsolid\n\n# made by hand\n")
     add(NAMES, "comments and blank lines", "STL", ended, facing=UP)
-    add(GEOMETRY, "cut texts", "STL", text("solid a\n" + facets()), refused=("no endsolid",))
+    add(GEOMETRY, "truncated text files", "STL", text("solid a\n" + facets()), refused=("no endsolid",))
     cut = text("solid a\n" + facets().removesuffix("endfacet\n") + "endsolid a\n")
-    add(GEOMETRY, "cut texts", "STL", cut, refused=("1 of 2 facets",))
+    add(GEOMETRY, "truncated text files", "STL", cut, refused=("1 of 2 facets",))
     second = text("solid a\n" + facets(faces=TWO[:1]) + "endsolid a\nsolid b\n" + facets(faces=TWO[1:]))
-    add(GEOMETRY, "cut texts", "STL", second, refused=("no endsolid",))
+    add(GEOMETRY, "truncated text files", "STL", second, refused=("no endsolid",))
     add(COLORS, "faces", "STL", binary(b"VisCAM", 0x8000 | 31), colors=(BLUE,))
     add(COLORS, "faces", "STL", binary(b"COLOR=\xff\0\0\xff,MATERIAL=", 31 << 10), colors=(BLUE,))
     add(COLORS, "faces", "STL", binary(b"COLOR=\xff\0\0\xff,MATERIAL=", 0x8000), colors=(RED,))
@@ -159,12 +159,14 @@ def _plain_files() -> list[Feature]:
     off_colors("faces", off(faces=("4 0 1 2 3 128 51 26",)), SHOWN)
     off_colors("faces", off(faces=("4 0 1 2 3 0.502 0.2 0.102 1.0",)), SHOWN)
     off_colors("faces", off("COFF", " 0 0 1.0", ("4 0 1 2 3 1.0 0.0 0.0",)), RED)
-    off_colors("numbers of a colour map", off(faces=("4 0 1 2 3 7",)), GREY, warned=("1 faces", "map"))
+    off_colors("indices of a colour map", off(faces=("4 0 1 2 3 7",)), GREY, warned=("1 faces", "map"))
     beside = off("STCOFF", " 128 51 26 255 0.5 0.5")
-    off_colors("colours beside texture coordinates", beside, GREY, warned=("4 vertices", "texture"))
-    off_colors("colours without C in the header", off(tail=" 128 51 26"), GREY, warned=("4 vertices", "without a C"))
+    off_colors("colours besides texture coordinates", beside, GREY, warned=("4 vertices", "texture"))
+    off_colors(
+        "colours not announced in the header", off(tail=" 128 51 26"), GREY, warned=("4 vertices", "without a C")
+    )
     add(NAMES, "comments and blank lines", "OFF", off("OFF # a room\n\n# made by hand", " # a corner"), facing=UP)
-    add(NAMES, "no keyword", "OFF", off(""), facing=UP)
+    add(NAMES, "missing keyword", "OFF", off(""), facing=UP)
     add(GEOMETRY, "four coordinates", "OFF", off("4OFF", " 1"), refused=("4OFF", "three coordinates"))
     add(GEOMETRY, "binary files", "OFF", off("OFF BINARY"), refused=("OFF BINARY", "as text"))
 
@@ -181,10 +183,10 @@ def _plain_files() -> list[Feature]:
     add(TEXTURES, "missing image", "PLY", unnamed, colors=(GREY,), warned=("texture coordinates", "no texture"))
     add(NAMES, "byte order mark", "PLY", _marked, colors=(SHOWN,))
     numbers = ascii_ply(XYZ, "list uchar float vertex_indices", PLATE, FACES)
-    add(GEOMETRY, "indices of other types", "PLY", numbers, facing=UP)
-    add(NAMES, "comments among rows", "PLY", _commented, colors=(SHOWN,))
+    add(GEOMETRY, "index types other than int", "PLY", numbers, facing=UP)
+    add(NAMES, "comments between rows", "PLY", _commented, colors=(SHOWN,))
     wide = ascii_ply(XYZ, "list int64 int64 vertex_indices", PLATE, FACES)
-    add(GEOMETRY, "indices of other types", "PLY", wide, facing=UP)
+    add(GEOMETRY, "index types other than int", "PLY", wide, facing=UP)
     blue = {"b.mtl": "newmtl blue\nKd 0 0 1\n"}
     both = obj(
         "mtllib ./a.mtl ./b.mtl\nusemtl red\nf 1 2 3\nusemtl blue",
@@ -194,7 +196,7 @@ def _plain_files() -> list[Feature]:
     )
     add(NAMES, "several libraries", "OBJ", both, faces=2)
     space = obj("mtllib a.mtl\nusemtl red", "newmtl red\nmap_Kd -colorspace sRGB paint.png", uv=RIGHT)
-    add(TEXTURES, "options of maps", "OBJ", space, colors=(BLUE,))
+    add(TEXTURES, "options of texture maps", "OBJ", space, colors=(BLUE,))
     add(COLORS, "transparency", "glTF", gltf(_glass), ".glb", colors=(BLUE,), warned=("opaque",))
     add(STAGES, "references in other units", "USD", _foreign_units, ".usda", warned=("1 layers", "other.usda"))
     return features + _rare_gltf() + _rare_usd() + _rare_others()
@@ -265,7 +267,7 @@ def _rare_gltf() -> list[Feature]:
         feature(TEXTURES, uv, _quantized_uv((3072, 2048), "i2", 1 / 4096), colors=(BLUE,)),
         feature(GEOMETRY, "morph weights", gltf(_sparse_morph), area=3.0),
         feature(GEOMETRY, "instances", gltf(_mirrored_instances), area=4.0, faces=4, facing=UP),
-        feature(NAMES, "arrays in a file beside it", beside, ".gltf", colors=(DISPLAY,)),
+        feature(NAMES, "arrays in a separate file", beside, ".gltf", colors=(DISPLAY,)),
     ]
 
 
@@ -348,7 +350,7 @@ def _rare_usd() -> list[Feature]:
 
     shown = 'color3f[] primvars:displayColor = [(0.5, 0.5, 0.5)] (\n colorSpace = "srgb_texture"\n)'
     paint = usd_material('color3f inputs:diffuseColor = (0.5, 0.5, 0.5) (\n colorSpace = "sRGB"\n)')
-    painted, levels = usd_mesh(more=PAINTED, api=True), "colours stated as levels"
+    painted, levels = usd_mesh(more=PAINTED, api=True), "values marked as sRGB"
     black = 'token inputs:wrapS = "black"\n    token inputs:wrapT = "black"'
     tetrahedron = """def TetMesh "solid"
 {
@@ -362,9 +364,9 @@ def _rare_usd() -> list[Feature]:
         feature(COLORS, levels, usd(painted + paint), colors=((128, 128, 128),)),
         feature(COLORS, "material", usd(painted + GRAPH), colors=(HALF,)),
         feature(TEXTURES, "image", _referenced_texture, colors=(BLUE,)),
-        feature(TEXTURES, "black beyond the image", usd(usd_textured(black, st=(1.3, 0.5))), colors=((0, 0, 0),)),
-        feature(TEXTURES, "black beyond the image", usd(usd_textured(black)), colors=(BLUE,)),
-        feature(TEXTURES, "tiles of images", usd(usd_textured(file="paint.<UDIM>.png")), **tiles),
+        feature(TEXTURES, "wrap mode black", usd(usd_textured(black, st=(1.3, 0.5))), colors=((0, 0, 0),)),
+        feature(TEXTURES, "wrap mode black", usd(usd_textured(black)), colors=(BLUE,)),
+        feature(TEXTURES, "image tiles (UDIM)", usd(usd_textured(file="paint.<UDIM>.png")), **tiles),
         feature(GEOMETRY, "skins", bound, warned=("1 meshes on a skeleton",)),
         feature(GEOMETRY, "points, lines, curves", usd(usd_mesh() + tetrahedron), warned=("1 prims of type TetMesh",)),
         feature(STAGES, "subdivision surfaces", usd(usd_mesh().replace('"none"', '"bilinear"'))),
@@ -416,10 +418,10 @@ def _rare_others() -> list[Feature]:
     capitals = text(("solid a\n" + facets() + "endsolid a\n").upper().replace("VERTEX ", "VERTEX\t"))
     empty = text("solid a\nendsolid a\nsolid b\n" + facets() + "endsolid b\n")
     return [
-        *(feature(TEXTURES, "moved coordinates", "OBJ", write, colors=(BLUE,)) for write in moved),
+        *(feature(TEXTURES, "transformed coordinates", "OBJ", write, colors=(BLUE,)) for write in moved),
         feature(
             COLORS,
-            "material, 8 bits",
+            "material colour of 0 to 255",
             "OBJ",
             obj(USE, "newmtl red\nKd 128 51 26"),
             colors=(SHOWN,),
@@ -427,14 +429,14 @@ def _rare_others() -> list[Feature]:
         ),
         feature(
             COLORS,
-            "material beside a lamp above 1",
+            "material in a library with a light source above 1",
             "OBJ",
             obj(USE, lamp + "newmtl red\nKd 0.5 0.2 0.1"),
             colors=((128, 51, 26),),
         ),
         feature(
             COLORS,
-            "material beside a lamp above 1",
+            "material in a library with a light source above 1",
             "OBJ",
             obj("mtllib a.mtl\nusemtl lamp", lamp + "newmtl red\nKd 0.5 0.2 0.1"),
             colors=((255, 255, 255),),
@@ -448,7 +450,7 @@ def _rare_others() -> list[Feature]:
         feature(GEOMETRY, "double coordinates", "PLY", _big_endian, facing=UP),
         feature(GEOMETRY, "several solids", "STL", empty, facing=UP),
         feature(NAMES, "tabs and capitals", "STL", capitals, facing=UP),
-        feature(NAMES, "number behind the keyword", "OFF", _joined_counts, facing=UP),
+        feature(NAMES, "counts on the keyword's line", "OFF", _joined_counts, facing=UP),
     ]
 
 

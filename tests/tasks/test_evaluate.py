@@ -74,7 +74,7 @@ def test_states_are_those_of_each_world_and_can_be_played(tmp_path: Path) -> Non
     verb.run(
         settings(f"stage={stage}", f"out={other}", "agent=zero", "num_envs=2", "task.episode_steps=6", "device=cpu")
     )
-    with pytest.raises(InputError, match="is of another run than .*other.json: other number of worlds"):
+    with pytest.raises(InputError, match="belongs to another run than .*other.json: other number of worlds"):
         report.refuse_another_run(other, file)
     seen = states.read_played(file, stage, 1, 4)
     assert seen.names == ["world 1", "world 2"] and seen.rate == pytest.approx(60.0)

@@ -323,7 +323,7 @@ def served(
         name: of the scan.
         save: writes an annotation and returns what to say about it.
         bounds: of the checks.
-        max_faces: of the scan as it is shown.
+        max_faces: number of faces of the scan as it is shown.
         view: where the camera begins.
         fov: vertical field of view [rad].
         port: of the server; the next free one where it is taken.

@@ -216,7 +216,7 @@ def _handle(probability: np.ndarray, box: CellBox) -> CellBox | None:
 SHALLOW = 0.4  # [m] Shoe cabinets whose flaps tip forward are no deeper; sold ones have 0.17 to 0.35 m
 # A front at least this fraction as high as its furniture is deep is a flap: of 206 drawers of 29 virtual homes one is
 TALL = 0.8
-WIDE = 1.3  # Width over height from which on a front is no box of a shelf, which is about as wide as high
+WIDE = 1.3  # Width over height from which on a front is not a box of a shelf, which is about as wide as high
 # [m] How far behind a front the wall is looked for, and how thick it may seem
 NEAREST, FARTHEST, THICK = 0.1, 1.0, 0.02
 STRIP = 0.1  # [m] Height of the strip of a wall that tells where it is

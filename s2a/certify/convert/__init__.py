@@ -27,7 +27,7 @@ class ConvertSettings:
         out: folder that receives room.xml or room.urdf, and the meshes.
         to: format.
         parts: articulated parts and free objects that move: all, the id of one, or several; all others are frozen.
-        sim: how physics is stepped here; the joint's spring and damping, the time step and the solver's settings are exported.
+        sim: physics settings; the joint's spring and damping, the time step and the solver's settings are exported.
     """
 
     stage: Path

@@ -63,7 +63,7 @@ def steps(demo: str, robot: str) -> list[DemoStep]:
         ),
         DemoStep("the planner opens a drawer", 30, f"s2a evaluate {room}{arm} out={demo}/planner.json images={demo}"),
         DemoStep(
-            "so does a policy that never saw it",
+            "so does a policy that was not trained on it",
             45,
             f"s2a evaluate {room} policy=pretrained out={demo}/pretrained.json",
         ),

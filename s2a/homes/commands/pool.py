@@ -35,7 +35,7 @@ class Config:
     Attributes:
         rooms: kinds of rooms.
         first: first seed.
-        count: how many seeds of each kind.
+        count: number of seeds of each kind.
         homes: further rooms by kind and seed, kitchen_22.
         scans: further rooms, not virtual: annotated folders of scans, or patterns of them as DIR/*.
         out: folder of the pool; rooms that are in it already are kept.
@@ -46,9 +46,9 @@ class Config:
         detail: the scanner of the rooms, as of s2a sample.
         annotator: the errors of their annotation, likewise.
         robot: the robot, such as panda or baxter.
-        prepare: how the scenes are prepared.
-        sim: how physics is stepped where the parts are trained on: how fast a motion may be.
-        task: what the robot has to do with each part.
+        prepare: preparation of the scenes.
+        sim: physics settings of the training, which bound the speed of motions.
+        task: task settings.
         planner: the planner's motion.
     """
 

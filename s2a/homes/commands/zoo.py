@@ -21,7 +21,7 @@ class Config:
 
     Attributes:
         out: folder that receives objects/, list.yaml (object, label and category of each) and truth.json.
-        seed: of the units, up axes, headings, origins, formats and flaws; the same seed gives the same files.
+        seed: seed of the units, up axes, headings, origins, formats and flaws; the same seed gives the same files.
     """
 
     out: Output

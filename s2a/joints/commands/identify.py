@@ -35,7 +35,7 @@ class Config:
         pulls: CSV files: of a force gauge with the columns time [s], opening [m] (path of the grasp point) and force [N]
             (along it); or of the robot, with its joints and their torques, as `s2a evaluate recordings=...` writes them. Or
             folders of LeRobot datasets, whose features have these names; an episode is a recording.
-        episodes: of each dataset, by number; none: all.
+        episodes: numbers of each dataset's episodes; none: all.
         robot: the robot of its own recordings, such as panda or baxter; it stood where the stage has its base.
         torques_carry_weight: Take the recorded torques as carrying the robot's own weight too.
         soft_close_reach: path of the grasp point from the closed pose over which a soft close acts, if the part has one and the

@@ -28,10 +28,10 @@ class Config:
         stage: the sim.usd, or the layer of s2a identify over it.
         part: id of the articulated part; null: the only one of the stage.
         out: the file to write, for `planner.pull_law`.
-        offset: how much farther than predicted an earlier pull of the part ended [m].
+        offset: distance by which an earlier pull of the part ended beyond its prediction [m].
         robot: the robot that the stage was prepared for, such as panda or baxter.
-        sim: how physics is stepped: resistance where nothing was identified, gains and limits of the arm.
-        task: what is done: a part is opened, as far as the planner's motion says, or closed, from where episodes begin.
+        sim: physics settings: resistance where nothing was identified, gains and limits of the arm.
+        task: task settings: a part is opened by the planner's opening, or closed from the start of an episode.
         planner: the planner's motion.
         pull: costs and bounds of the pull.
     """

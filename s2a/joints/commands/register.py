@@ -50,7 +50,7 @@ def run(config: Config) -> str:
             facts = {"closed": str(config.closed), "open": str(config.open), **provenance("cpu")}
             files.write(registration, closed, name, out, **facts)
     lines = [_line(files.label(i, proposal), proposal) for i, proposal in enumerate(registration.proposals)]
-    head = f"{len(lines)} parts stand open in {config.open} (the scans overlap by {registration.alignment.overlap:.0%})"
+    head = f"{len(lines)} parts are open in {config.open} (the scans overlap by {registration.alignment.overlap:.0%})"
     return "\n".join([head, *lines, *([f"  {config.out}"] if config.out else [])])
 
 

@@ -43,9 +43,9 @@ class Config:
         retries: answers of the model that may be rejected, of each plan.
         replans: further plans of the model after a skill has failed.
         device: cpu, cuda:0, or auto: a GPU where there is one.
-        seed: of the start noise.
+        seed: seed of the start noise.
         robot: the robot that the stage was prepared for, such as panda or baxter.
-        sim: how physics is stepped, the same for all skills.
+        sim: physics settings, the same for all skills.
         tasks: files of further tasks, each a skill by the name of its file (docs/new_task.md).
         skills: the task of each skill, and the thresholds of its metrics.
         planner: the planner's motion.

@@ -12,7 +12,7 @@ from s2a.core.errors import InputError
 
 # What ends a training before it is saved
 BROKEN = (
-    "the policy has non-finite parameters; go on from the last checkpoint (resume=true), or train again with a smaller "
+    "the policy has non-finite parameters; continue from the last checkpoint (resume=true), or train again with a smaller "
     "ppo.learning_rate or ppo.reward_scale"
 )
 
@@ -22,7 +22,7 @@ class PpoConfig:
     """rsl-rl's settings.
 
     Attributes:
-        iterations: of collecting and learning.
+        iterations: number of iterations of collecting and learning.
         num_steps_per_env: control steps a world collects for an iteration.
         num_learning_epochs: passes over them.
         num_mini_batches: parts of a pass.
@@ -31,14 +31,14 @@ class PpoConfig:
             actor's at its lowest, 1e-5, a critic with the same does not follow. Needs `cuda_graph`.
         desired_kl: divergence of a policy from the one before it.
         gamma: discount of a control step.
-        lam: of the generalised advantage estimate.
+        lam: lambda of the generalised advantage estimate.
         clip_param: clip of the probability ratio, and of the value's change where `use_clipped_value_loss` is true.
         use_clipped_value_loss: clip the value's change. It is clipped in units of the return, so that returns in the hundreds
             are learned slowly.
         reward_scale: factor of the reward that rsl-rl is given.
         value_loss_coef: weight of the value's loss.
         entropy_coef: weight of the entropy.
-        max_grad_norm: where the gradient is cut.
+        max_grad_norm: norm to which the gradient is clipped.
         hidden_dims: widths of the layers of actor and critic (ELU).
         init_std: standard deviation of the first policy's actions; of another run's too, where this one begins with it.
         min_std: below it no action's standard deviation falls.
@@ -54,7 +54,7 @@ class PpoConfig:
         cuda_graph: collecting and updating never wait for the device, and an update is replayed as captured graphs on a GPU;
             the arithmetic is the same. Of the two below, it needs neither.
         fused_adam: take the optimiser's step in one kernel instead of some ten.
-        torch_compile_mode: how torch.compile treats the networks, and the loss where `cuda_graph` is true; null: not at all.
+        torch_compile_mode: mode of torch.compile for the networks, and the loss if `cuda_graph` is true; null: not compiled.
         tf32: multiply matrices in TensorFloat-32 (ten bits of mantissa) on a GPU that can.
     """
 

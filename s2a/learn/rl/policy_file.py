@@ -45,7 +45,7 @@ class PolicyFile:
         """Open a file, or the one that comes with s2a where `path` is "pretrained".
 
         Raises:
-            InputError: there is no such file, it is no ONNX file, or its metadata are of another version.
+            InputError: there is no such file, it is not an ONNX file, or its metadata are of another version.
         """
         file = file_of(path)
         self.name = PRETRAINED if str(path) == PRETRAINED else file.name

@@ -312,7 +312,7 @@ class Runner(OnPolicyRunner):
         except Exception as error:  # of torch, pickle, zipfile: whatever a damaged file makes them raise
             why = (str(error) or type(error).__name__).splitlines()[0]
             raise InputError(
-                f"{checkpoint}: not a checkpoint that this run can go on from ({why}); delete it to go on from an "
+                f"{checkpoint}: not a checkpoint that this run can continue from ({why}); delete it to continue from an "
                 "earlier one, or train into another folder"
             ) from error
         self._resumed = processes.rank() == 0

@@ -130,7 +130,7 @@ def latest(out: Path) -> Path | None:
     for file in sorted(numbered, key=iteration, reverse=True):
         if _whole(file):
             return file
-        _log.warning("%s is not whole; going on from an earlier one", file)
+        _log.warning("%s is not whole; continuing from an earlier one", file)
     return None
 
 

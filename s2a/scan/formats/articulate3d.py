@@ -99,7 +99,7 @@ def _check_bases(path: Path, records: Mapping[int, Record], labels: Mapping[int,
         TopologicalSorter(graph).prepare()
     except CycleError as error:
         circle = " -> ".join(f"{number} {labels.get(number, '')!r}" for number in reversed(error.args[1]))
-        raise InputError(f"{path}: base runs in a circle: part {circle}; name what each is mounted on") from None
+        raise InputError(f"{path}: base forms a cycle: part {circle}; name what each is mounted on") from None
 
 
 def _angle_units(path: Path, records: Mapping[int, Record]) -> dict[int, float]:

@@ -101,7 +101,7 @@ def _older(top: Record) -> Annotation:
         following += len(pieces)
     unknown = next((key for key in articulations.values if key not in annotation.by_label), None)
     if unknown is not None:
-        articulations.refuse(unknown, f"{unknown!r} is no object or part of the file; take an undamaged one")
+        articulations.refuse(unknown, f"{unknown!r} is not an object or part of the file; take an undamaged one")
     return Annotation(dict(sorted(annotation.items.items())), annotation.by_label, None)
 
 
@@ -140,7 +140,7 @@ def _released_pieces(record: Record, parts: Mapping[int, Record], owner: dict[in
     pieces: dict[int, _Piece] = {}
     for part_id in record.integers("partIds").tolist() if record.has("partIds") else []:
         if part_id not in parts:
-            record.refuse("partIds", f"{part_id} is no partId of the file; take an undamaged one")
+            record.refuse("partIds", f"{part_id} is not a partId of the file; take an undamaged one")
         if part_id in owner:
             record.refuse("partIds", f"part {part_id} belongs to object {owner[part_id]!r} already")
         owner[part_id] = record.text("label")
@@ -177,7 +177,7 @@ def _texts(record: Record, key: str) -> list[str]:
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
         record.refuse(key, "expected a list of labels")
     if len(set(value)) < len(value):
-        record.refuse(key, "a label stands there twice; every part needs one of its own")
+        record.refuse(key, "a label occurs twice; every part needs one of its own")
     return value
 
 
@@ -195,7 +195,7 @@ def _check_circles(path: Path, items: Mapping[int, Annotated]) -> None:
         TopologicalSorter({n: [item.parent] for n, item in items.items() if item.parent is not None}).prepare()
     except CycleError as error:
         circle = " -> ".join(repr(items[number].label) for number in reversed(error.args[1]))
-        raise InputError(f"{path}: parentId runs in a circle: {circle}; take an undamaged file") from None
+        raise InputError(f"{path}: parentId forms a cycle: {circle}; take an undamaged file") from None
 
 
 NAME = "MultiScan"

@@ -282,7 +282,7 @@ class _Reader:
             self._lost[f"prims of type {prim.GetTypeName()} are left out"] += 1
             return None
         if prim.HasRelationship("skel:skeleton") or prim.HasAttribute("primvars:skel:jointIndices"):
-            self._lost["meshes on a skeleton stand in their bind pose"] += 1
+            self._lost["meshes on a skeleton are read in their bind pose"] += 1
         scheme = prim.GetAttribute("subdivisionScheme")
         flat = (UsdGeom.Tokens.none, UsdGeom.Tokens.bilinear)
         if scheme and scheme.HasAuthoredValue() and str(scheme.Get()) not in flat:

@@ -114,7 +114,7 @@ class DepthFusion:
         points: measured points that mark where the surface is [m], shape [point 3].
         voxel: edge of a voxel [m].
         truncation: distance beyond which what lies behind a surface is unknown [m].
-        device: that holds the field and adds images, a name of Warp's; empty: a GPU where there is one.
+        device: Warp device that holds the field and adds images; empty: a GPU where there is one.
     """
 
     def __init__(self, points: np.ndarray, voxel: float, truncation: float, device: str = "") -> None:

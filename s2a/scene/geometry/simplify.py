@@ -158,7 +158,7 @@ def _decimate_group(
 def _fewer(
     whole: Mesh, owner: np.ndarray, ratio: float, config: DecimateConfig
 ) -> tuple[Mesh, np.ndarray, int, Deviation]:
-    """Return a mesh with fewer faces, the owner of each, how many were asked for, and how far off its surface is.
+    """Return a mesh with fewer faces, the owner of each, how many were requested, and how far off its surface is.
 
     The mesh stays as it is where so few faces are asked for that nothing would be left of it.
     """

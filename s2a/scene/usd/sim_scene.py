@@ -163,7 +163,7 @@ class SimRoom:
                 f"room {self.name!r} has {len(self.articulations)} articulated parts; give part= one of: {possible}"
             )
         if part not in self.articulations:
-            raise InputError(f"part {part!r} is no articulated part of room {self.name!r}; possible: {possible}")
+            raise InputError(f"part {part!r} is not an articulated part of room {self.name!r}; possible: {possible}")
         return part
 
 

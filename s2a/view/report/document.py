@@ -106,7 +106,7 @@ def images(files: Iterable[Path]) -> str:
     """Return image files, embedded, with their names below.
 
     Raises:
-        InputError: a file that is no image that browsers show, or one too large for a page.
+        InputError: a file that is not an image that browsers show, or one too large for a page.
     """
     return figures((file.stem, _image(file)) for file in files)
 

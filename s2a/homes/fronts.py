@@ -9,22 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.homes import grips, solids
+from s2a.homes import solids as p
 from s2a.homes.grips import QUARTER, GripDesign
-from s2a.homes.solids import (
-    PLAIN,
-    WOOD,
-    Color,
-    Piece,
-    Surface,
-    at,
-    boards_around,
-    box,
-    chance,
-    join,
-    pick,
-    rotation,
-    weighted,
-)
 from s2a.scene.scene import Joint
 
 
@@ -40,7 +26,7 @@ class Opening:
     grip: GripDesign | None = None  # the handle
     thick: float | None = None  # of the front [m]
     limit: float | None = None  # how far it opens [m] or [rad]
-    color: Color | None = None  # of the front
+    color: p.Color | None = None  # of the front
 
 
 DRAWER, OPEN = Opening("drawer"), Opening("open")
@@ -50,10 +36,10 @@ DRAWER, OPEN = Opening("drawer"), Opening("open")
 class Style:
     """Materials and fittings that all fronts of a cabinet share."""
 
-    body: Color  # colour of the cabinet body and shelves
-    front: Color  # colour of the fronts
-    top: Color  # colour of the top board
-    dark: Color  # colour of plinth and legs
+    body: p.Color  # colour of the cabinet body and shelves
+    front: p.Color  # colour of the fronts
+    top: p.Color  # colour of the top board
+    dark: p.Color  # colour of plinth and legs
     texture: int  # of all of these
     panel: str  # profile of doors, see `front`
     drawer_panel: str  # of drawers
@@ -73,12 +59,12 @@ class Style:
     drawer_theme: str  # of what is in its drawers
 
     @property
-    def paint(self) -> tuple[Color, int]:
+    def paint(self) -> tuple[p.Color, int]:
         """Colour and texture of the cabinet body."""
         return self.body, self.texture
 
 
-WOODS: tuple[Color, ...] = (
+WOODS: tuple[p.Color, ...] = (
     (168, 128, 84),
     (196, 162, 118),
     (120, 88, 62),
@@ -87,7 +73,7 @@ WOODS: tuple[Color, ...] = (
     (92, 70, 54),
     (176, 150, 124),
 )
-PAINTS: tuple[Color, ...] = (
+PAINTS: tuple[p.Color, ...] = (
     (232, 230, 224),
     (206, 208, 206),
     (120, 134, 128),
@@ -104,16 +90,16 @@ PANELS = {"slab": 0.52, "framed": 0.3, "grooved": 0.08, "louvred": 0.04, "glazed
 class Palette:
     """What the furniture of one home has in common."""
 
-    wood: Color  # of floors, tables and wooden fronts
-    paint: Color  # of painted fronts
-    metal: Color  # of handles
-    cloth: Color  # of seats and beds
+    wood: p.Color  # of floors, tables and wooden fronts
+    paint: p.Color  # of painted fronts
+    metal: p.Color  # of handles
+    cloth: p.Color  # of seats and beds
 
 
 def random_palette(rng: np.random.Generator) -> Palette:
     """Return the colours of a home."""
     cloth = solids.random_color(rng, 60, 200)
-    return Palette(_near(rng, pick(rng, WOODS)), _near(rng, pick(rng, PAINTS)), pick(rng, grips.METALS), cloth)
+    return Palette(_near(rng, p.pick(rng, WOODS)), _near(rng, p.pick(rng, PAINTS)), p.pick(rng, grips.METALS), cloth)
 
 
 def random_style(
@@ -125,19 +111,19 @@ def random_style(
     panels: tuple[str, ...] = (),
 ) -> Style:
     """Return the style of one piece of furniture. `panels`: of its doors, see `front`; empty: any."""
-    wooden = chance(rng, 0.5)
+    wooden = p.chance(rng, 0.5)
     front = colors.wood if wooden else colors.paint
-    body = front if chance(rng, 0.6) else pick(rng, ((230, 228, 222), colors.wood))
-    panel = weighted(rng, {name: PANELS.get(name, 0.1) for name in (panels or PANELS)})
-    metal = colors.metal if chance(rng, 0.7) else None
+    body = front if p.chance(rng, 0.6) else p.pick(rng, ((230, 228, 222), colors.wood))
+    panel = p.weighted(rng, {name: PANELS.get(name, 0.1) for name in (panels or PANELS)})
+    metal = colors.metal if p.chance(rng, 0.7) else None
     grip = grips.design(rng, color=metal)
-    door_grip = grip if grip.family not in ("cup",) and chance(rng, 0.7) else grips.design(rng, *DOORS, color=metal)
+    door_grip = grip if grip.family not in ("cup",) and p.chance(rng, 0.7) else grips.design(rng, *DOORS, color=metal)
     return Style(
         body=body,
         front=_near(rng, front),
-        top=colors.wood if chance(rng, 0.4) else body,
-        dark=pick(rng, ((52, 52, 56), body, colors.wood)),
-        texture=WOOD if wooden else PLAIN,
+        top=colors.wood if p.chance(rng, 0.4) else body,
+        dark=p.pick(rng, ((52, 52, 56), body, colors.wood)),
+        texture=p.WOOD if wooden else p.PLAIN,
         panel=panel,
         drawer_panel=panel if panel in ("slab", "framed", "grooved") else "slab",
         grip=grip,
@@ -146,11 +132,11 @@ def random_style(
         board=rng.uniform(0.015, 0.02),
         gap=rng.uniform(0.0032, 0.005),
         frame=rng.uniform(0.05, 0.085),
-        place=pick(rng, (0.0, 0.0, 0.5, 0.9, rng.uniform(0, 1))),
+        place=p.pick(rng, (0.0, 0.0, 0.5, 0.9, rng.uniform(0, 1))),
         inset=rng.uniform(0.03, 0.06),
-        angle=float(np.radians(rng.uniform(*((80, 110) if chance(rng, 0.5) else (86, 92))))),
-        extension=rng.uniform(*((0.85, 1.0) if chance(rng, 0.6) else (0.62, 0.78))),
-        soft_close=chance(rng, 0.5),
+        angle=float(np.radians(rng.uniform(*((80, 110) if p.chance(rng, 0.5) else (86, 92))))),
+        extension=rng.uniform(*((0.85, 1.0) if p.chance(rng, 0.6) else (0.62, 0.78))),
+        soft_close=p.chance(rng, 0.5),
         theme=theme,
         top_theme=top,
         drawer_theme=drawers,
@@ -161,7 +147,7 @@ def random_style(
 DOORS = ("bar", "rail", "square", "bow", "knob", "edge", "recess", "strap", "none")
 
 
-def _near(rng: np.random.Generator, color: Color) -> Color:
+def _near(rng: np.random.Generator, color: p.Color) -> p.Color:
     red, green, blue = np.clip(np.array(color) + rng.integers(-12, 13, 3), 0, 255).tolist()
     return (red, green, blue)
 
@@ -173,13 +159,13 @@ LEFT, RIGHT, TOP, BOTTOM = (-1, 0), (1, 0), (0, 1), (0, -1)
 GAP = 0.004  # Between two fronts, and between a front and a worktop [m]; fitters leave 3 to 4 mm
 
 
-def panel(size: tuple[float, float, float], color: Color, texture: int = PLAIN, dropout: float = 0.0) -> Surface:
+def panel(size: tuple[float, float, float], color: p.Color, texture: int = p.PLAIN, dropout: float = 0.0) -> p.Surface:
     """Return a board of given thickness, width and height [m], its front at x = 0, centred in y and z."""
     thick, width, height = size
-    return box((-thick, 0), (-width / 2, width / 2), (-height / 2, height / 2), color, texture, dropout)
+    return p.box((-thick, 0), (-width / 2, width / 2), (-height / 2, height / 2), color, texture, dropout)
 
 
-def hinged(name: str, shape: Surface, side: Side, *parts: Piece, angle: float = QUARTER) -> Piece:
+def hinged(name: str, shape: p.Surface, side: Side, *parts: p.Piece, angle: float = QUARTER) -> p.Piece:
     """Return a front that turns about its own front edge, towards +x for positive angles.
 
     An overlay hinge comes to the same: on its whole way no point of the front leaves its outline sideways.
@@ -194,51 +180,53 @@ def hinged(name: str, shape: Surface, side: Side, *parts: Piece, angle: float = 
     outward = np.array((0.0, *side))
     origin = outward * np.abs(shape.vertices).max(axis=0)
     axis = np.cross((1.0, 0.0, 0.0), outward)
-    return Piece(name, shape, parts, Joint("revolute", tuple(axis), tuple(origin), (0.0, angle)))
+    return p.Piece(name, shape, parts, Joint("revolute", tuple(axis), tuple(origin), (0.0, angle)))
 
 
-def lid(name: str, shape: Surface, *parts: Piece, angle: float = QUARTER) -> Piece:
+def lid(name: str, shape: p.Surface, *parts: p.Piece, angle: float = QUARTER) -> p.Piece:
     """Return a lid that turns up about its edge at -x; its upper face is at z = 0, centred in x and y.
 
     Its parts are in the frame of an upright front whose upper edge has the hinge.
     """
-    stand_up = rotation((0.0, QUARTER, 0.0))
+    stand_up = p.rotation((0.0, QUARTER, 0.0))
     return hinged(name, shape.moved(stand_up), TOP, *parts, angle=angle).moved(np.linalg.inv(stand_up))
 
 
-def open_box(size: tuple[float, float, float], wall: float, color: Color, texture: int = PLAIN) -> Surface:
+def open_box(size: tuple[float, float, float], wall: float, color: p.Color, texture: int = p.PLAIN) -> p.Surface:
     """Return a box that is open above: its floor at z = 0, centred in x and y, with walls of given thickness [m]."""
     x, y, z = size[0] / 2, size[1] / 2, size[2]
     walls = [
-        box((-x, x), (-y, y), (0, wall), color, texture),
-        box((-x, -x + wall), (-y, y), (wall, z), color, texture),
-        box((x - wall, x), (-y, y), (wall, z), color, texture),
-        box((-x + wall, x - wall), (-y, -y + wall), (wall, z), color, texture),
-        box((-x + wall, x - wall), (y - wall, y), (wall, z), color, texture),
+        p.box((-x, x), (-y, y), (0, wall), color, texture),
+        p.box((-x, -x + wall), (-y, y), (wall, z), color, texture),
+        p.box((x - wall, x), (-y, y), (wall, z), color, texture),
+        p.box((-x + wall, x - wall), (-y, -y + wall), (wall, z), color, texture),
+        p.box((-x + wall, x - wall), (y - wall, y), (wall, z), color, texture),
     ]
-    return join(*walls)
+    return p.join(*walls)
 
 
-def cabinet_body(size: tuple[float, float, float], wall: float, color: Color, texture: int = PLAIN) -> list[Surface]:
+def cabinet_body(
+    size: tuple[float, float, float], wall: float, color: p.Color, texture: int = p.PLAIN
+) -> list[p.Surface]:
     """Return five panels of a box that is open towards +x: its front edge is at x = 0, its floor at z = 0."""
     deep, half, high = size[0], size[1] / 2, size[2]
     return [
-        box((-deep, -deep + wall), (-half, half), (0, high), color, texture),
-        box((-deep, 0), (-half, -half + wall), (0, high), color, texture),
-        box((-deep, 0), (half - wall, half), (0, high), color, texture),
-        box((-deep, 0), (-half, half), (0, wall), color, texture),
-        box((-deep, 0), (-half, half), (high - wall, high), color, texture),
+        p.box((-deep, -deep + wall), (-half, half), (0, high), color, texture),
+        p.box((-deep, 0), (-half, -half + wall), (0, high), color, texture),
+        p.box((-deep, 0), (half - wall, half), (0, high), color, texture),
+        p.box((-deep, 0), (-half, half), (0, wall), color, texture),
+        p.box((-deep, 0), (-half, half), (high - wall, high), color, texture),
     ]
 
 
-GLASS: Color = (96, 112, 118)
-DARK_GLASS: Color = (30, 32, 36)
-MIRROR: Color = (150, 164, 172)
+GLASS: p.Color = (96, 112, 118)
+DARK_GLASS: p.Color = (30, 32, 36)
+MIRROR: p.Color = (150, 164, 172)
 Size = tuple[float, float, float]
 Pocket = tuple[float, float, float, float]  # A hole of a front: y from, y to, z from, z to [m]
 
 
-def front(kind: str, size: Size, color: Color, texture: int, frame: float) -> Surface:
+def front(kind: str, size: Size, color: p.Color, texture: int, frame: float) -> p.Surface:
     """Return a front panel.
 
     Args:
@@ -251,32 +239,32 @@ def front(kind: str, size: Size, color: Color, texture: int, frame: float) -> Su
     if kind not in ("slab", "grooved", "mirror") and min(size[1:]) < 3.2 * frame:
         kind = "slab"
     if kind == "framed":
-        return join(ring(size, frame, color, texture), inset(size, frame, color, texture, 0.4, 0.65, 0.0))
+        return p.join(ring(size, frame, color, texture), inset(size, frame, color, texture, 0.4, 0.65, 0.0))
     if kind == "glazed":
-        return join(ring(size, frame, color, texture), inset(size, frame, GLASS, 0, 0.35, 0.6, 0.75))
+        return p.join(ring(size, frame, color, texture), inset(size, frame, GLASS, 0, 0.35, 0.6, 0.75))
     if kind == "window":
-        return join(ring(size, frame, color, texture), inset(size, frame, DARK_GLASS, 0, 0.0, 0.85, 0.3))
+        return p.join(ring(size, frame, color, texture), inset(size, frame, DARK_GLASS, 0, 0.0, 0.85, 0.3))
     if kind == "louvred":
-        return join(ring(size, frame, color, texture), *_slats(size, frame, color, texture))
+        return p.join(ring(size, frame, color, texture), *_slats(size, frame, color, texture))
     if kind == "grooved":
         return _grooved(size, color, texture)
     if kind == "mirror":
-        back = panel((size[0] - 0.004, *size[1:]), color, texture).moved(at(-0.004, 0))
-        return join(back, box((-0.004, 0), *_inner(size, 0.012), MIRROR, dropout=0.5))
+        back = panel((size[0] - 0.004, *size[1:]), color, texture).moved(p.at(-0.004, 0))
+        return p.join(back, p.box((-0.004, 0), *_inner(size, 0.012), MIRROR, dropout=0.5))
     return panel(size, color, texture)
 
 
-def ring(size: Size, frame: float, color: Color, texture: int) -> Surface:
+def ring(size: Size, frame: float, color: p.Color, texture: int) -> p.Surface:
     """Return the frame of a front as four boards."""
     thick, y, z = size[0], size[1] / 2, size[2] / 2
     hole = (-y + frame, y - frame, -z + frame, z - frame)
-    return join(*boards_around(hole, (-thick, 0), (-y, y), (-z, z), color, texture))
+    return p.join(*p.boards_around(hole, (-thick, 0), (-y, y), (-z, z), color, texture))
 
 
-def inset(size: Size, frame: float, color: Color, texture: int, low: float, high: float, dropout: float) -> Surface:
+def inset(size: Size, frame: float, color: p.Color, texture: int, low: float, high: float, dropout: float) -> p.Surface:
     """Return what fills a frame, from one fraction of its thickness to another, measured from the back."""
     back = -size[0]
-    return box((back + low * size[0], back + high * size[0]), *_inner(size, frame), color, texture, dropout)
+    return p.box((back + low * size[0], back + high * size[0]), *_inner(size, frame), color, texture, dropout)
 
 
 def _inner(size: Size, frame: float) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -284,29 +272,29 @@ def _inner(size: Size, frame: float) -> tuple[tuple[float, float], tuple[float, 
     return (-y, y), (-z, z)
 
 
-def _slats(size: Size, frame: float, color: Color, texture: int) -> list[Surface]:
+def _slats(size: Size, frame: float, color: p.Color, texture: int) -> list[p.Surface]:
     high, wide = size[2] - 2 * frame, size[1] / 2 - frame
     count = max(2, int(high / 0.04))
     step, deep = high / count, 0.8 * size[0]
-    tilt = rotation((0.0, 0.6, 0.0))
-    slat = box((-deep / 2, deep / 2), (-wide, wide), (-0.003, 0.003), color, texture).moved(tilt)
-    return [slat.moved(at(-size[0] / 2, 0, -high / 2 + (i + 0.5) * step)) for i in range(count)]
+    tilt = p.rotation((0.0, 0.6, 0.0))
+    slat = p.box((-deep / 2, deep / 2), (-wide, wide), (-0.003, 0.003), color, texture).moved(tilt)
+    return [slat.moved(p.at(-size[0] / 2, 0, -high / 2 + (i + 0.5) * step)) for i in range(count)]
 
 
-def _grooved(size: Size, color: Color, texture: int) -> Surface:
+def _grooved(size: Size, color: p.Color, texture: int) -> p.Surface:
     """Return a board with upright grooves 3 mm deep."""
     thick, width, height = size
     count = max(2, round(width / 0.08))
     step = width / count
     strips = [
-        box((-0.003, 0), (y + 0.002, y + step - 0.002), (-height / 2, height / 2), color, texture)
+        p.box((-0.003, 0), (y + 0.002, y + step - 0.002), (-height / 2, height / 2), color, texture)
         for y in -width / 2 + step * np.arange(count)
     ]
-    return join(panel((thick - 0.003, width, height), color, texture).moved(at(-0.003, 0)), *strips)
+    return p.join(panel((thick - 0.003, width, height), color, texture).moved(p.at(-0.003, 0)), *strips)
 
 
-def pocketed(size: Size, hole: Pocket, depth: float, color: Color, texture: int) -> Surface:
+def pocketed(size: Size, hole: Pocket, depth: float, color: p.Color, texture: int) -> p.Surface:
     """Return a slab with a pocket of given depth [m] in its face for a recessed pull."""
     thick, y, z = size[0], size[1] / 2, size[2] / 2
-    back = box((-thick, -depth), (-y, y), (-z, z), color, texture)
-    return join(back, *boards_around(hole, (-depth, 0.0), (-y, y), (-z, z), color, texture))
+    back = p.box((-thick, -depth), (-y, y), (-z, z), color, texture)
+    return p.join(back, *p.boards_around(hole, (-depth, 0.0), (-y, y), (-z, z), color, texture))

@@ -15,20 +15,9 @@ import numpy as np
 from scipy import ndimage
 
 from s2a.core.errors import InputError
+from s2a.joints import register_surface as surfaces
 from s2a.joints.register_fit import starts
 from s2a.joints.register_search import ROOM, FittedPart, Scans, candidates, chosen, grown, near_box
-from s2a.joints.register_surface import (
-    CHANGED,
-    REACH,
-    Alignment,
-    Cloud,
-    OrientedMesh,
-    Patch,
-    align,
-    changed,
-    match,
-    patches,
-)
 from s2a.scan import folder, ply
 from s2a.scan.formats import articulate3d
 from s2a.scan.ply import ScanMesh
@@ -46,15 +35,17 @@ NEXT = 0.02  # [m] Sides of a front are not farther from its outline
 BEFORE, SUNK, BEHIND = 0.09, 0.04, 0.07
 
 
-def moving_faces(joint: Joint, patch: Patch, closed: OrientedMesh, opened: OrientedMesh) -> np.ndarray:
+def moving_faces(
+    joint: Joint, patch: surfaces.Patch, closed: surfaces.OrientedMesh, opened: surfaces.OrientedMesh
+) -> np.ndarray:
     """Return the indices of the closed scan's faces that move with a part, ascending.
 
     `opened`: the open scan in the closed one's frame, all of it.
     """
     near = np.flatnonzero(near_box(closed.centroids, patch, ROOM))
-    cloud = Cloud(closed.centroids[near], closed.normals[near], near)
-    stays = match(cloud, opened, CHANGED)
-    moves = match(cloud.moved(transform(joint, joint.limits[1])), opened, NEAR)
+    cloud = surfaces.Cloud(closed.centroids[near], closed.normals[near], near)
+    stays = surfaces.match(cloud, opened, surfaces.CHANGED)
+    moves = surfaces.match(cloud.moved(transform(joint, joint.limits[1])), opened, NEAR)
     explained = (moves.alike > ALIKE) & ((stays.gap > STILL) | (stays.alike < 0.3)) & (moves.gap < stays.gap)
     height = (cloud.points - patch.centre) @ patch.normal
     layer = (height > -SUNK) & (height < BEFORE)
@@ -65,7 +56,7 @@ def moving_faces(joint: Joint, patch: Patch, closed: OrientedMesh, opened: Orien
     inside = _outline(cells, explained & layer)[tuple(cells.T)] & layer
     # Sides of a thick door lie beyond its outline; what both scans show of them has moved for certain.
     deep = (height > -BEHIND) & (height < BEFORE)
-    sides = explained & deep & (stays.gap >= CHANGED) & near_box(cloud.points, patch, NEXT)
+    sides = explained & deep & (stays.gap >= surfaces.CHANGED) & near_box(cloud.points, patch, NEXT)
     return near[(inside & (explained | flat | (stays.gap > STILL))) | sides]
 
 
@@ -107,7 +98,7 @@ class Proposal:
 class Registration:
     """What two scans say."""
 
-    alignment: Alignment  # of the open scan to the closed one
+    alignment: surfaces.Alignment  # of the open scan to the closed one
     proposals: list[Proposal]  # the parts that opened, those with most surface first
 
     @property
@@ -116,19 +107,19 @@ class Registration:
         return self.alignment.overlap >= MIN_OVERLAP
 
 
-def register(closed: OrientedMesh, opened: OrientedMesh) -> Registration:
+def register(closed: surfaces.OrientedMesh, opened: surfaces.OrientedMesh) -> Registration:
     """Return the parts that stand open in one scan of a room and not in the other; none where they show two rooms.
 
     `closed`: the scan with the parts closed, its normals towards free space; `opened`: the other scan, in a frame of
     its own that differs by at most 0.2 rad about z.
     """
-    alignment = align(closed, opened)
+    alignment = surfaces.align(closed, opened)
     if alignment.overlap < MIN_OVERLAP:
         return Registration(alignment, [])
     room = opened.moved(alignment.motion)
     scans = difference(closed, room)
-    fronts = patches(scans.before)
-    possible = starts(fronts, patches(scans.after), scans.opened)
+    fronts = surfaces.patches(scans.before)
+    possible = starts(fronts, surfaces.patches(scans.after), scans.opened)
     picked = chosen(candidates(possible, fronts, scans))
     proposals = []
     for candidate in picked:
@@ -138,7 +129,7 @@ def register(closed: OrientedMesh, opened: OrientedMesh) -> Registration:
     return Registration(alignment, proposals)
 
 
-def proposed(fitted: FittedPart, front: Patch, faces: np.ndarray) -> Proposal:
+def proposed(fitted: FittedPart, front: surfaces.Patch, faces: np.ndarray) -> Proposal:
     """Return a proposal with its standard deviations: those of the fit, and of OFFSET, which no number of samples lessens."""
     joint, deviations = fitted.fit.joint, fitted.fit.deviations
     hinge = joint.kind == "revolute"
@@ -154,18 +145,18 @@ def proposed(fitted: FittedPart, front: Patch, faces: np.ndarray) -> Proposal:
     )
 
 
-def difference(closed: OrientedMesh, room: OrientedMesh) -> Scans:
+def difference(closed: surfaces.OrientedMesh, room: surfaces.OrientedMesh) -> Scans:
     """Return what changed between two scans in one frame, as surfaces and as samples SPACING apart."""
     gaps = []
     for one, other in ((closed, room), (room, closed)):
-        middles = Cloud(one.centroids, one.normals, np.arange(len(one.faces)))
-        gaps.append(match(middles, other, REACH).gap)
-    moved = [gap > CHANGED for gap in gaps]
-    before, after = (changed(one, mask) for one, mask in zip((closed, room), moved, strict=True))
+        middles = surfaces.Cloud(one.centroids, one.normals, np.arange(len(one.faces)))
+        gaps.append(surfaces.match(middles, other, surfaces.REACH).gap)
+    moved = [gap > surfaces.CHANGED for gap in gaps]
+    before, after = (surfaces.changed(one, mask) for one, mask in zip((closed, room), moved, strict=True))
     return Scans(
-        closed=OrientedMesh(closed.vertices, closed.faces[moved[0]]),
-        opened=OrientedMesh(room.vertices, room.faces[moved[1]]),
-        still=OrientedMesh(closed.vertices, closed.faces[~moved[0]]),
+        closed=surfaces.OrientedMesh(closed.vertices, closed.faces[moved[0]]),
+        opened=surfaces.OrientedMesh(room.vertices, room.faces[moved[1]]),
+        still=surfaces.OrientedMesh(closed.vertices, closed.faces[~moved[0]]),
         first=closed,
         room=room,
         before=before,

@@ -98,7 +98,7 @@ def test_the_site_builds_without_a_broken_link(tmp_path: Path) -> None:
     done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, env=quiet)
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "site/experiments/results/rooms.json").is_file()
-    assert "Three numbers" in (tmp_path / "site/index.html").read_text()
+    assert "Three results" in (tmp_path / "site/index.html").read_text()
 
 
 def run(calls: list[list[str]]) -> None:

@@ -9,18 +9,8 @@ from scipy import ndimage
 
 from s2a.annotate import handle as handles
 from s2a.annotate.annotation import Draft, Item
+from s2a.annotate.propose import layers
 from s2a.annotate.propose.furniture import READY, LabelledFaces, refrigerator_doors, turns_right, upright_hinge
-from s2a.annotate.propose.layers import (
-    AHEAD,
-    Layer,
-    Points,
-    ProposeConfig,
-    floor_of,
-    framed_rows,
-    layer_of,
-    layers,
-    spread,
-)
 from s2a.annotate.propose.network import COARSE, MOTIONS, FrontNetwork, Motion, image, load
 from s2a.annotate.region import FrontRegion, GrowConfig, hinge_at, inside, slide
 from s2a.annotate.surface import SplitSurface
@@ -86,7 +76,7 @@ class SeenFront:
     handle: CellBox | None  # rectangle around its handle; None where none is seen
 
 
-def fronts(layer: Layer, maps: tuple[np.ndarray, ...], config: ProposeConfig) -> Iterator[SeenFront]:
+def fronts(layer: layers.Layer, maps: tuple[np.ndarray, ...], config: layers.ProposeConfig) -> Iterator[SeenFront]:
     """Yield the fronts that a network sees on a plane (its `maps`), of `min_score` and `min_front` or more."""
     probability, sides, motion, handle = maps
     rows, columns = np.nonzero(probability > SEEN)
@@ -117,7 +107,7 @@ def fronts(layer: Layer, maps: tuple[np.ndarray, ...], config: ProposeConfig) ->
             yield SeenFront(leaf, motion_of_leaf or _hinged(opens, leaf, grip), score, grip)
 
 
-def scanned(layer: Layer, box: CellBox) -> CellBox:
+def scanned(layer: layers.Layer, box: CellBox) -> CellBox:
     """Return a rectangle without the columns and rows at its sides that hold hardly any surface of the plane."""
     rows, columns = (slice(max(cells.start, 0), cells.stop) for cells in box.cells)
     seen = ~np.isnan(layer.height[rows, columns])
@@ -132,7 +122,7 @@ def scanned(layer: Layer, box: CellBox) -> CellBox:
     return CellBox(*sides)
 
 
-def leaves(layer: Layer, box: CellBox, motion: Motion) -> list[tuple[CellBox, Motion | None]]:
+def leaves(layer: layers.Layer, box: CellBox, motion: Motion) -> list[tuple[CellBox, Motion | None]]:
     """Return the doors of a rectangle: two leaves that open away from their seam, each with its motion, or one without."""
     whole: list[tuple[CellBox, Motion | None]] = [(box, None)]
     wide, high = box.width * layer.cell, box.height * layer.cell
@@ -145,7 +135,7 @@ def leaves(layer: Layer, box: CellBox, motion: Motion) -> list[tuple[CellBox, Mo
     return [(replace(box, right=middle), ("hinge", "left")), (replace(box, left=middle), ("hinge", "right"))]
 
 
-def _stile(layer: Layer, box: CellBox) -> float:
+def _stile(layer: layers.Layer, box: CellBox) -> float:
     """Return how far the middle of a rectangle stands out over the panels at both sides of it [m], as the frames of two do.
 
     A single panel, flat or framed, has 0; a bulge, whose sides are lower than its panels, has no more than they.
@@ -223,7 +213,7 @@ STRIP = 0.1  # [m] Height of the strip of a wall that tells where it is
 FACING = 0.8  # Cosine between the wall and the front, at least
 
 
-def is_flap(region: FrontRegion, points: Points, density: float) -> bool:
+def is_flap(region: FrontRegion, points: layers.Points, density: float) -> bool:
     """Return whether a front that could slide out tips forward about its lower side instead.
 
     `density`: of the points, which are spread over the scan's upright surface, per m^2.
@@ -235,7 +225,7 @@ def is_flap(region: FrontRegion, points: Points, density: float) -> bool:
     return depth is not None and depth <= SHALLOW and high >= TALL * depth
 
 
-def depth_behind(region: FrontRegion, points: Points, density: float) -> float | None:
+def depth_behind(region: FrontRegion, points: layers.Points, density: float) -> float | None:
     """Return how far behind a front the wall is [m]: the farthest surface that faces as it does; None where none is seen."""
     behind = region.offset - points.place @ region.normal
     some = points[(behind > NEAREST) & (behind < FARTHEST)]
@@ -256,7 +246,7 @@ OVERLAP = 0.5  # Fraction of the smaller front that two proposals may share; the
 
 def propose(
     surface: SplitSurface,
-    config: ProposeConfig,
+    config: layers.ProposeConfig,
     grow: GrowConfig,
     network: FrontNetwork | None = None,
     labels: LabelledFaces | None = None,
@@ -271,17 +261,17 @@ def propose(
         labels: of the scan's objects, which forbid fronts on what has none, and expect them on furniture that opens.
     """
     network = network or load()
-    config = replace(config, layer=layer_of(surface, config.layer))
-    floor, points = floor_of(surface), spread(surface, config.density)
+    config = replace(config, layer=layers.layer_of(surface, config.layer))
+    floor, points = layers.floor_of(surface), layers.spread(surface, config.density)
     ready = config if labels is None else replace(config, min_score=READY * config.min_score)
     candidates: list[Item] = []
-    rows: list[tuple[Layer, np.ndarray, list[CellBox], float]] = []
-    for layer in layers(points, config):
+    rows: list[tuple[layers.Layer, np.ndarray, list[CellBox], float]] = []
+    for layer in layers.layers(points, config):
         maps = network.see(image(layer, floor))
         candidates += filter(
             None, (_item(surface, points, layer, one, config, grow) for one in fronts(layer, maps, ready))
         )
-        for doors, sure in framed_rows(layer) if labels else ():
+        for doors, sure in layers.framed_rows(layer) if labels else ():
             rows.append((layer, maps[3], [scanned(layer, CellBox(*map(float, door))) for door in doors], sure))
     for layer, handle, boxes, sure in rows:
         row = framed(boxes, handle, _first(layer, boxes, candidates), ready.min_score * (1 + sure), config)
@@ -294,7 +284,7 @@ def propose(
 
 
 def framed(
-    boxes: list[CellBox], handle: np.ndarray, first: int, score: float, config: ProposeConfig
+    boxes: list[CellBox], handle: np.ndarray, first: int, score: float, config: layers.ProposeConfig
 ) -> Iterator[SeenFront]:
     """Yield the doors of a row of framed ones, which open away from each other in pairs.
 
@@ -311,14 +301,14 @@ def framed(
             yield SeenFront(box, _hinged(TURNS[(first + index) % 2], box, grip), score, grip)
 
 
-def _first(layer: Layer, boxes: list[CellBox], others: list[Item]) -> int:
+def _first(layer: layers.Layer, boxes: list[CellBox], others: list[Item]) -> int:
     """Return the side that the first door of a row turns about, an index of TURNS: as other proposals of its doors do."""
     votes = np.zeros(2)
     for index, box in enumerate(boxes):
         middle, wide = _place(layer, *box.middle), box.width * layer.cell
         for item in filter(upright_hinge, others):
             region = item.region
-            near = np.abs(region.local(middle[None])[0]) < [*region.size / 4, AHEAD]
+            near = np.abs(region.local(middle[None])[0]) < [*region.size / 4, layers.AHEAD]
             if near.all() and wide > AGREES * region.size[0]:
                 votes[(turns_right(item) + index) % 2] += item.score
     return int(np.argmax(votes))
@@ -341,7 +331,12 @@ def cut(surface: SplitSurface, items: tuple[Item, ...], grow: GrowConfig) -> Dra
 
 
 def _item(
-    surface: SplitSurface, points: Points, layer: Layer, front: SeenFront, config: ProposeConfig, grow: GrowConfig
+    surface: SplitSurface,
+    points: layers.Points,
+    layer: layers.Layer,
+    front: SeenFront,
+    config: layers.ProposeConfig,
+    grow: GrowConfig,
 ) -> Item | None:
     """Return a front as a part; None where it is hardly scanned."""
     region = _region(surface, layer, front.box, grow)
@@ -358,7 +353,7 @@ def _item(
     return Item(region, joint=joint, proposed=True, score=front.score, grip=grip)
 
 
-def _grip(layer: Layer, handle: CellBox) -> np.ndarray:
+def _grip(layer: layers.Layer, handle: CellBox) -> np.ndarray:
     """Return the middle of a handle, as far out as it stands [m], shape [3]."""
     out = float(np.quantile(layer.ahead[handle.cells], 0.9))
     return np.asarray(_place(layer, *handle.middle) + out * layer.normal)
@@ -370,20 +365,20 @@ def _joint(region: FrontRegion, motion: Motion) -> Joint:
     return hinge_at(region, SIDES[motion[1]])
 
 
-def _place(layer: Layer, column: float, row: float) -> np.ndarray:
+def _place(layer: layers.Layer, column: float, row: float) -> np.ndarray:
     """Return the point of a plane at a place of its image [m], shape [3]."""
     u, v = layer.low + layer.cell * np.array([column, row])
     return np.asarray(u * layer.right + v * np.array([0.0, 0.0, 1.0]) + layer.offset * layer.normal)
 
 
-def _rectangle(layer: Layer, box: CellBox) -> FrontRegion:
+def _rectangle(layer: layers.Layer, box: CellBox) -> FrontRegion:
     """Return a box as a rectangle of a plane, without faces."""
     axes = np.stack([layer.right, np.array([0.0, 0.0, 1.0])], axis=1)
     size = np.array([box.width, box.height]) * layer.cell
     return FrontRegion(layer.normal, _place(layer, *box.middle), axes, size, np.empty(0, int))
 
 
-def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig) -> FrontRegion | None:
+def _region(surface: SplitSurface, layer: layers.Layer, box: CellBox, grow: GrowConfig) -> FrontRegion | None:
     """Return a box as a region of the surface, its plane fitted to its faces and upright; None where it holds hardly any."""
     region = _rectangle(layer, box)
     faces = inside(surface, region, grow.distance)

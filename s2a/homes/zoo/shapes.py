@@ -15,45 +15,33 @@ from numpy.typing import ArrayLike
 from PIL import ImageFont
 from scipy.interpolate import PchipInterpolator
 
-from s2a.homes.solids import (
-    PLAIN,
-    Color,
-    Surface,
-    box,
-    cylinder,
-    ellipsoid,
-    join,
-    lathe,
-    painted,
-    rotation,
-    translation,
-)
+from s2a.homes import solids as p
 
 LETTERS = 12  # Size of the font that letters are drawn in, each of whose dots becomes part of a box
 
 
 def put(
-    surface: Surface,
+    surface: p.Surface,
     x: float = 0.0,
     y: float = 0.0,
     z: float = 0.0,
     roll: float = 0.0,
     pitch: float = 0.0,
     yaw: float = 0.0,
-) -> Surface:
+) -> p.Surface:
     """Return a surface turned about x, then y, then z [deg], and then moved."""
     turn = np.eye(4)
     for axis, angle in enumerate((roll, pitch, yaw)):
-        turn = rotation(tuple(np.radians(angle) * np.eye(3)[axis])) @ turn
-    return surface.moved(translation((x, y, z)) @ turn)
+        turn = p.rotation(tuple(np.radians(angle) * np.eye(3)[axis])) @ turn
+    return surface.moved(p.translation((x, y, z)) @ turn)
 
 
-def scaled(surface: Surface, x: float, y: float, z: float) -> Surface:
+def scaled(surface: p.Surface, x: float, y: float, z: float) -> p.Surface:
     """Return a surface stretched along the axes by positive factors."""
     return replace(surface, vertices=surface.vertices * (x, y, z))
 
 
-def settled(surface: Surface, sink: float = 0.0) -> Surface:
+def settled(surface: p.Surface, sink: float = 0.0) -> p.Surface:
     """Return a surface that stands on z = 0 on a flat: what is lower than `sink` above its lowest point is pressed up."""
     low = surface.vertices[:, 2].min() + sink
     vertices = surface.vertices.copy()
@@ -68,10 +56,10 @@ def smooth(points: ArrayLike, count: int) -> np.ndarray:
     return np.asarray(PchipInterpolator(way, through)(np.linspace(0.0, way[-1], count)))
 
 
-def turned(profile: list[tuple[float, float]], color: Color, texture: int = PLAIN, sides: int = 28) -> Surface:
+def turned(profile: list[tuple[float, float]], color: p.Color, texture: int = p.PLAIN, sides: int = 28) -> p.Surface:
     """Return the solid that a smooth curve through some (radius, z) sweeps about z, closed with flat ends."""
     curve = [(float(r), float(z)) for r, z in smooth(profile, 6 * len(profile))]
-    return lathe([(0.0, curve[0][1]), *curve, (0.0, curve[-1][1])], color, texture, sides)
+    return p.lathe([(0.0, curve[0][1]), *curve, (0.0, curve[-1][1])], color, texture, sides)
 
 
 def arc(radius: float, start: float, stop: float, count: int = 13) -> np.ndarray:
@@ -86,8 +74,8 @@ def in_plane(points: ArrayLike, axis: int, level: float = 0.0) -> np.ndarray:
 
 
 def tube(
-    path: ArrayLike, radius: ArrayLike, color: Color, sides: int = 10, closed: bool = False, flat: float = 1.0
-) -> Surface:
+    path: ArrayLike, radius: ArrayLike, color: p.Color, sides: int = 10, closed: bool = False, flat: float = 1.0
+) -> p.Surface:
     """Return a round rod along a path, its ends closed.
 
     Args:
@@ -115,7 +103,7 @@ def tube(
     return skin(np.array(rings), closed, color)
 
 
-def skin(rings: np.ndarray, closed: bool, color: Color) -> Surface:
+def skin(rings: np.ndarray, closed: bool, color: p.Color) -> p.Surface:
     """Return the surface over rings of points, shape [ring side 3]."""
     count, sides = rings.shape[:2]
     here = np.arange(count * sides).reshape(count, sides)
@@ -129,10 +117,10 @@ def skin(rings: np.ndarray, closed: bool, color: Color) -> Surface:
         faces += [np.stack([np.roll(here[0], -1), here[0], ends], axis=1)]
         faces += [np.stack([here[-1], np.roll(here[-1], -1), ends + 1], axis=1)]
         vertices = np.concatenate([vertices, [rings[0].mean(axis=0), rings[-1].mean(axis=0)]])
-    return outwards(painted(vertices, np.concatenate(faces), color))
+    return outwards(p.painted(vertices, np.concatenate(faces), color))
 
 
-def loft(sections: Sequence[tuple[float, ...]], color: Color, sides: int = 24, power: float = 2.0) -> Surface:
+def loft(sections: Sequence[tuple[float, ...]], color: p.Color, sides: int = 24, power: float = 2.0) -> p.Surface:
     """Return the solid through upright sections of (z, half width x, half width y, centre x = 0, centre y = 0).
 
     Sections are ellipses at power 2 and boxes with round corners above.
@@ -144,20 +132,20 @@ def loft(sections: Sequence[tuple[float, ...]], color: Color, sides: int = 24, p
     return skin(np.array(rings), False, color)
 
 
-def outwards(surface: Surface) -> Surface:
+def outwards(surface: p.Surface) -> p.Surface:
     """Return a closed surface with its faces outwards."""
     a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
     inverted = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() < 0
     return replace(surface, faces=surface.faces[:, ::-1]) if inverted else surface
 
 
-def ring(radius: float, thickness: float, color: Color, flat: float = 1.0, sides: int = 10) -> Surface:
+def ring(radius: float, thickness: float, color: p.Color, flat: float = 1.0, sides: int = 10) -> p.Surface:
     """Return a torus that lies about the origin, its middle line a circle of this radius."""
     circle = in_plane(arc(radius, 0, 360, 33)[:-1], 2)
     return tube(circle, thickness / 2, color, sides, closed=True, flat=flat)
 
 
-def plate(outline: ArrayLike, span: tuple[float, float], color: Color, axis: int = 2) -> Surface:
+def plate(outline: ArrayLike, span: tuple[float, float], color: p.Color, axis: int = 2) -> p.Surface:
     """Return an outline [corner 2], seen whole from its mean, extruded along an axis normal to it (see `in_plane`)."""
     corners = np.asarray(outline, np.float64)
     n = len(corners)
@@ -167,39 +155,47 @@ def plate(outline: ArrayLike, span: tuple[float, float], color: Color, axis: int
     j, top = (i + 1) % n, n + 1
     centre = np.full(n, n)
     faces = [(i, j, j + top), (i, j + top, i + top), (j, i, centre), (i + top, j + top, centre + top)]
-    return outwards(painted(vertices, np.concatenate([np.stack(f, axis=1) for f in faces]), color))
+    return outwards(p.painted(vertices, np.concatenate([np.stack(f, axis=1) for f in faces]), color))
 
 
-def ball(size: Size, color: Color, *place: float, texture: int = PLAIN, sides: int = 12, **turn: float) -> Surface:
+def ball(
+    size: Size, color: p.Color, *place: float, texture: int = p.PLAIN, sides: int = 12, **turn: float
+) -> p.Surface:
     """Return an ellipsoid of given full extents, turned and moved by the arguments of `put`."""
-    return put(ellipsoid(size, color, texture, sides), *place, **turn)
+    return put(p.ellipsoid(size, color, texture, sides), *place, **turn)
 
 
-def rod(radius: float, height: float, color: Color, *place: float, sides: int = 24, **turn: float) -> Surface:
+def rod(radius: float, height: float, color: p.Color, *place: float, sides: int = 24, **turn: float) -> p.Surface:
     """Return a cylinder that stands on the origin, turned and moved by the arguments of `put`."""
-    return put(cylinder(radius, height, color, sides=sides), *place, **turn)
+    return put(p.cylinder(radius, height, color, sides=sides), *place, **turn)
 
 
 def pebble(
-    size: Size, color: Color, power: float = 3.0, *place: float, texture: int = PLAIN, sides: int = 32, **turn: float
-) -> Surface:
+    size: Size,
+    color: p.Color,
+    power: float = 3.0,
+    *place: float,
+    texture: int = p.PLAIN,
+    sides: int = 32,
+    **turn: float,
+) -> p.Surface:
     """Return a superellipsoid on z = 0, then `put`: power 2 is an ellipsoid, 6 a box with round edges."""
     up, around = np.linspace(-np.pi / 2, np.pi / 2, 15), 2 * np.pi * np.arange(sides) / sides
 
     def bulge(value: np.ndarray) -> np.ndarray:
         return np.sign(value) * np.abs(np.where(np.abs(value) < 1e-9, 0.0, value)) ** (2 / power)
 
-    sphere = lathe([(1.0, float(height)) for height in up], color, texture, sides)
+    sphere = p.lathe([(1.0, float(height)) for height in up], color, texture, sides)
     level = np.repeat(up, sides)
     across = [np.tile(bulge(wave), 15) for wave in (np.cos(around), np.sin(around))]
     vertices = np.stack([*(bulge(np.cos(level)) * each for each in across), bulge(np.sin(level))], axis=1)
     a, b, c = np.moveaxis(vertices[sphere.faces], 1, 0)
     full = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9
-    solid = painted(vertices, sphere.faces[full], color, texture)
+    solid = p.painted(vertices, sphere.faces[full], color, texture)
     return put(put(scaled(solid, *(np.array(size) / 2)), z=size[2] / 2), *place, **turn)
 
 
-def writing(text: str, width: float, color: Color, depth: float = 0.5) -> Surface:
+def writing(text: str, width: float, color: p.Color, depth: float = 0.5) -> p.Surface:
     """Return raised letters that face +x and read along +y, in the middle of y, their feet on z = 0."""
     mask = ImageFont.load_default(LETTERS).getmask(text, mode="1")
     dots = np.array(mask).reshape(mask.size[::-1]) > 0
@@ -210,11 +206,11 @@ def writing(text: str, width: float, color: Color, depth: float = 0.5) -> Surfac
     for row, line in enumerate(dots[::-1]):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], line.astype(int), [0]])))
         for left, right in edges.reshape(-1, 2) - len(line) / 2:
-            strokes.append(box((0, depth), (left * dot, right * dot), (row * dot, (row + 1) * dot), color))
-    return join(*strokes)
+            strokes.append(p.box((0, depth), (left * dot, right * dot), (row * dot, (row + 1) * dot), color))
+    return p.join(*strokes)
 
 
-def wrapped(surface: Surface, radius: float, squeeze: float = 1.0) -> Surface:
+def wrapped(surface: p.Surface, radius: float, squeeze: float = 1.0) -> p.Surface:
     """Return a surface at x = 0 that faces +x laid around an upright cylinder; its y is scaled by `squeeze`."""
     x, y, z = surface.vertices.T
     angle = y / (radius * max(squeeze, 1.0))
@@ -244,7 +240,7 @@ class ZooObject:
 
     label: str  # what it is called
     category: Category  # the kind of place it belongs to
-    surface: Surface  # its shape [m], upright in its natural pose on z = 0, its front towards +x
+    surface: p.Surface  # its shape [m], upright in its natural pose on z = 0, its front towards +x
     placement: Placement  # on something, standing or leaning against a wall, hanging on one, or kept inside something
     rare: bool  # The label is a brand's or a rare word
 
@@ -254,7 +250,7 @@ class ZooObject:
         return "_".join("".join(c if c.isalnum() else " " for c in self.label.lower()).split())
 
 
-Maker = Callable[[], Surface]
+Maker = Callable[[], p.Surface]
 MAKERS: list[Callable[[], ZooObject]] = []  # What makes the objects of the modules that were imported
 
 

@@ -31,7 +31,7 @@ class Config:
     """Keys of `s2a annotate`.
 
     Attributes:
-        scan: folder of the scan; its annotation, if it has one, is read for `edit` alone.
+        scan: folder of the scan; its annotation, if it has one, is read only with `edit`.
         out: folder that is written: the mesh, Articulate3D's two files, and annotate.json.
         auto: Propose fronts, joints and handles, by a network.
         edit: Begin with the scan's annotation by Articulate3D; what is not edited is written as it was.

@@ -52,7 +52,7 @@ class Config(EpisodesConfig):
     """Keys of `s2a bench`.
 
     Attributes:
-        stage: the index of the parts, as `s2a pool +split=test` makes them.
+        stage: the index of the parts, as `s2a pool +split=test` writes it.
         policy: planner, random, pretrained (a different one with `perception`), or the file of a trained policy:
             model_N.onnx or model_N.pt.
         out: the results, a JSON file.

@@ -1,4 +1,4 @@
-"""Command `s2a doctor`: list what is installed, what is missing, and which device runs."""
+"""Command `s2a doctor`: list what is installed, what is missing, and the usable devices."""
 
 import importlib
 import os

@@ -28,8 +28,8 @@ class Config:
     Attributes:
         stage: the index of a pool that was made with frames.
         out: folder of perception.pt, the network; estimates.npz; and errors.json.
-        folds: networks of which each is trained on the rooms of the others; their estimates are those of parts
-            that a network was not trained on, for a policy to be trained with.
+        folds: number of folds of the cross-validation: each network estimates the parts of rooms that it was not trained
+            on, for the training of a policy.
         robot: the robot that the parts were prepared for, such as panda or baxter.
         network: its training.
         device: cpu, cuda:0, or auto: a GPU where there is one.

@@ -46,8 +46,8 @@ class Config:
         html: file to write with the page as a recording in which every joint opens once, or null.
         max_faces: maximum number of faces on the page; beyond, vertices are merged. null: all, and 320,000 in the file.
         part: id of the part at the centre of the image or page, or null for the whole room.
-        photo: edge of a pixel [m] of an orthophoto, which the image then is: the part, or the rectangle, square on, from the
-            photos that a scan of a recording keeps; null: a rendering.
+        photo: pixel size [m] of an orthophoto of the part or the rectangle, from the photos of a scan that was imported from a
+            recording; null: a rendering.
         rectangle: upright rectangle of the orthophoto: centre x, y, z [m], the angle of its normal about z [rad], width and
             height [m]; null: that around the part.
         colliders: Render the collision hulls instead of the surfaces, each in its own colour, in the image.

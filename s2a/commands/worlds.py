@@ -76,7 +76,7 @@ class SeenWorldsConfig(WorldsConfig):
     Attributes:
         perception: network that estimates the parts from depth frames instead of the true poses: pretrained, or a file of s2a
             perceive (its estimates.npz are of parts that no network was trained on); null: none.
-        perception_frames: number of frames, each from another place; the median of their estimates counts.
+        perception_frames: number of frames, each from a different place; the median of their estimates counts.
         depth_camera: the camera, where `stage` is a room.
     """
 

@@ -207,7 +207,7 @@ class SampleConfig:
         detail: the scanner: demo (laser, half a minute, 0.1 to 0.25 million vertices), full (laser, a minute or two, 0.8 to 1.9
             million), rgbd (depth camera, as ScanNet), phone (1 to 3 cm, smoothed, with a textured GLB).
         annotator: errors of parts and joints: careful, hasty, or wrong (hasty, and one axis in ten reversed).
-        open: coordinates of parts that stand open [m] or [rad], by their ids: the same home scanned again; null: all closed.
+        open: coordinates of open parts [m] or [rad], by their ids: the same home scanned again; null: all closed.
         moved: number of free objects that are moved elsewhere.
         visit: 0: the default scanner positions; n: the n-th later visit to the same home, with scanner positions,
             errors and a scene frame of its own.

@@ -65,11 +65,6 @@ class Orthophoto:
     used: tuple[str, ...]  # names of the photos that it shows
 
 
-def has_keyframes(folder: Path) -> bool:
-    """Return True if the folder of a scan keeps photos."""
-    return (folder / KEYFRAMES / KEYFRAME_LIST).is_file()
-
-
 def read_keyframes(folder: Path) -> list[Keyframe]:
     """Return the photos that the folder of a scan keeps; InputError: none there, or a damaged list."""
     path = folder / KEYFRAMES / KEYFRAME_LIST

@@ -22,7 +22,6 @@ from s2a.commands import evaluate
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.learn.rl.policy_file import PRETRAINED, PolicyFile, wrap
-from s2a.tasks import interface
 from s2a.tasks.env import TaskVectorEnv
 
 ROOT = Path(__file__).parents[2]
@@ -210,7 +209,7 @@ def test_the_page_lists_the_tasks_as_they_are() -> None:
 def test_every_column_has_a_meaning_and_a_unit(name: str, env: TaskVectorEnv) -> None:
     kind, settings = observation_tables.kinds()[name]
     for critic in (False, True):
-        for field in interface.observations(kind, settings, 9, critic):
+        for field in observation_tables.observations(kind, settings, 9, critic):
             assert field.meaning and field.unit, field.name
             is_vector = len(field.columns) == 3
             unframed = ("joint_kind", "resistance")
@@ -219,8 +218,8 @@ def test_every_column_has_a_meaning_and_a_unit(name: str, env: TaskVectorEnv) ->
 
 def test_the_listed_columns_are_those_of_an_environment(env: TaskVectorEnv) -> None:
     task = env.worlds.task
-    fields = interface.observations(type(task), task.config, env.worlds.num_actions)
+    fields = observation_tables.observations(type(task), task.config, env.worlds.num_actions)
     assert {f.name: slice(f.columns.start, f.columns.stop) for f in fields} == task.columns
-    moved = interface.actions(env.worlds.sim.robot, task.config, env.worlds.sim.config)
+    moved = observation_tables.actions(env.worlds.sim.robot, task.config, env.worlds.sim.config)
     speeds = [float(field.unit.split()[0]) for field in moved]
     assert speeds == pytest.approx((env.worlds.action_step / env.worlds.sim.config.control_dt).tolist(), rel=1e-3)

@@ -24,7 +24,7 @@ class Config:
     """Keys of `s2a demo`.
 
     Attributes:
-        folder: receives what the steps write; it is filled again by a second run.
+        folder: folder of the outputs; a second run replaces them.
         robot: name of the robot; the pretrained policy is a Panda's.
     """
 

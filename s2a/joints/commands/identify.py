@@ -36,7 +36,7 @@ class Config:
             (along it); or of the robot, with its joints and their torques, as `s2a evaluate recordings=...` writes them. Or
             folders of LeRobot datasets, whose features have these names; an episode is a recording.
         episodes: numbers of each dataset's episodes; none: all.
-        robot: the robot of its own recordings, such as panda or baxter; it stood where the stage has its base.
+        robot: the robot of the recordings, such as panda or baxter; its base is where the stage has it.
         torques_carry_weight: Take the recorded torques as carrying the robot's own weight too.
         soft_close_reach: path of the grasp point from the closed pose over which a soft close acts, if the part has one and the
             stage does not state it [m].

@@ -2,7 +2,7 @@
 
 A term that takes a joint, too, gives a number a joint. `observation_kernel` writes them side by side.
 The first paragraph of a term's docstring has its unit in brackets, and its frame and range where it has them;
-`s2a.tasks.interface` lists them for users.
+`tools/observation_tables.py` lists them for users.
 """
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".

@@ -25,7 +25,7 @@ import torch
 import warp as wp
 
 from s2a.core import config
-from s2a.core.provenance import provenance, times
+from s2a.core.provenance import provenance, scalars
 from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.ppo import train
 from s2a.motion.policy import Planner
@@ -118,7 +118,7 @@ def _training_rate(env: VecEnv, settings: PpoConfig, folder: Path) -> float:
     torch.manual_seed(0)
     env.reset_all(0)
     train(env, settings, folder)
-    begin, *rest = times(folder)[WARM_UP - 1 :]
+    begin, *rest = [event.wall_time for event in scalars(folder, "Perf/total_fps")][WARM_UP - 1 :]
     return len(rest) * settings.num_steps_per_env * env.num_envs / (rest[-1] - begin)
 
 

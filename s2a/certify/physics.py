@@ -192,8 +192,8 @@ class MotionConfig:
     """Bounds of the checks without a gripper.
 
     Attributes:
-        rest_time: for how long nothing may move [s].
-        open_time: for how long the part may not open by itself [s].
+        rest_time: time for which nothing may move [s].
+        open_time: time for which the part may not open by itself [s].
     """
 
     rest_time: Positive

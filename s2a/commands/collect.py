@@ -40,7 +40,7 @@ class Config(WorldsConfig):
         episodes: number of successful episodes, existing ones included.
         policy: policy that drives the robot: null, the planner; pretrained; or a model_N.onnx.
         instruction: the robot's instruction in words; null: the task and the part's label.
-        every: control steps a frame.
+        every: control steps per frame.
         format: lerobot: LeRobotDataset v3.0; robomimic: HDF5 as robomimic reads it.
         views: the cameras.
     """

@@ -87,12 +87,9 @@ def starts(out: Path) -> list[dict[str, Any]]:
 
 
 def curve(out: Path) -> list[dict[str, float]]:
-    """Return what TensorBoard logged of episodes, a row an iteration: rates and values by name, and the mean reward.
-
-    Runs of earlier versions have tags that begin with a slash.
-    """
+    """Return what TensorBoard logged of episodes, a row per iteration: rates and values by name, and the mean reward."""
     events = _events(out)
-    tags = {tag: re.fullmatch(r"(?:Episode)?/(?!rew_|term/)(.+)", tag) for tag in events.Tags()["scalars"]}
+    tags = {tag: re.fullmatch(r"Episode/(?!rew_|term/)(.+)", tag) for tag in events.Tags()["scalars"]}
     rows: dict[int, dict[str, float]] = {}
     for tag, match in tags.items():
         name = match[1] if match else "reward" if tag == "Train/mean_reward" else ""
@@ -100,11 +97,6 @@ def curve(out: Path) -> list[dict[str, float]]:
             if math.isfinite(event.value):
                 rows.setdefault(event.step, {"iteration": event.step})[name] = event.value
     return [rows[i] for i in sorted(rows)]
-
-
-def times(out: Path) -> list[float]:
-    """Return when each iteration was logged [s], on the wall's clock."""
-    return [event.wall_time for event in scalars(out, "Perf/total_fps")]
 
 
 def scalars(out: Path, tag: str) -> list[Any]:

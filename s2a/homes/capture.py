@@ -22,7 +22,7 @@ class AnnotationConfig:
     """Errors of annotated parts and joints.
 
     Attributes:
-        name: of the annotator.
+        name: name of the annotator.
         border: standard deviation by which a face's place is misjudged near the border of two parts [m].
         axis: largest error of an axis' direction [deg].
         origin: largest error of a joint's origin [m].

@@ -270,7 +270,7 @@ class ScannerConfig:
     """How a room is scanned.
 
     Attributes:
-        name: of the scanner.
+        name: name of the scanner.
         poses: number of places from which it is scanned.
         spacing: mean angle between rays [rad].
         reach: longest range that is measured [m].

@@ -203,10 +203,10 @@ class LlmConfig:
         kind: "chat" queries a model over the network, "replay" answers from a recording, "rules" is the rule-based fallback;
             "auto" is chat where OPENAI_API_KEY is set, and rules elsewhere.
         model: name of the model at the endpoint. Key and address come from OPENAI_API_KEY and OPENAI_BASE_URL.
-        timeout: for one answer [s].
+        timeout: maximum time for one answer [s].
         attempts: retries after a broken connection, an overload or a server error; the wait doubles from half a second.
         temperature: sampling temperature; 0 for the likeliest answer.
-        max_tokens: of an answer.
+        max_tokens: maximum number of tokens of an answer.
         prices: US dollars per million tokens of the request and of the answer.
         answers: the recording, for replay.
     """

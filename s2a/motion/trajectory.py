@@ -25,9 +25,9 @@ class PlannerConfig:
     Attributes:
         ik_seeds: starts of the inverse kinematics; each is followed along the whole tool path.
         opening: path of the grasp point [m]; less where the joint ends earlier.
-        pull_time: to move the part along its joint by `opening` [s].
+        pull_time: time to move the part along its joint by `opening` [s].
         pull_law: file of s2a optimize with a time law of that motion, in the place of `pull_time` and the planner's own; or null.
-        seed: of the IK starts.
+        seed: seed of the IK starts.
     """
 
     ik_seeds: Count

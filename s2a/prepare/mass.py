@@ -113,8 +113,8 @@ class MassRule:
     Attributes:
         by: "area": of the front; "volume": of the convex hull, or of a free object's closed surface; "mass": whatever its size.
         value: [kg/m^2], [kg/m^3] or [kg].
-        box: of the boards of the box behind a drawer's front [kg/m^2]; by area only.
-        contents: of what lies in it, by the area of its bottom [kg/m^2]; by area only.
+        box: mass of the boards of the box behind a drawer's front [kg/m^2]; by area only.
+        contents: mass of its contents by the area of its bottom [kg/m^2]; by area only.
     """
 
     by: Literal["area", "volume", "mass"]

@@ -39,9 +39,9 @@ def viewpoint(stage: SimStage, distance: float, azimuth: float, elevation: float
 
     Args:
         stage: what is looked at.
-        distance: from the middle between robot and handle [m].
+        distance: distance from the middle between robot and handle [m].
         azimuth: to the side of the line from handle to robot, turned about z [rad].
-        elevation: above the horizon [rad].
+        elevation: angle above the horizon [rad].
     """
     base, grasp = stage.base[:3], stage.grasp[:3]
     middle = 0.5 * (base + grasp) + [0.0, 0.0, 0.2]
@@ -92,7 +92,7 @@ def places_around(
         heading: angle about z of the direction from the point to a camera without azimuth [rad].
         distance: of the first ones [m].
         azimuth: to the side of the heading [rad].
-        elevation: above the horizon [rad].
+        elevation: angle above the horizon [rad].
     """
     for near, high, around in itertools.product(NEARER, HIGHER, AZIMUTHS):
         turn, up = heading + around * azimuth, min(high * elevation, 1.4)
@@ -108,9 +108,9 @@ class CameraConfig:
         width: [pixel].
         height: [pixel].
         fov: vertical field of view [rad].
-        distance: from the middle between robot and handle [m].
+        distance: distance from the middle between robot and handle [m].
         azimuth: angle of the camera to the side of the line from robot to furniture, turned about z [rad].
-        elevation: above the horizon [rad].
+        elevation: angle above the horizon [rad].
     """
 
     width: Count
@@ -250,7 +250,7 @@ class ViewsConfig:
         wrist_fov: vertical field of view of the wrist's camera [rad].
         scene: the camera before the furniture; its width and height are not used.
         jitter: maximum shift of the scene's camera in each direction [m]; drawn for each episode.
-        light: least and greatest brightness of the light from everywhere, drawn for each batch of episodes.
+        light: minimum and maximum brightness of the ambient light, drawn for each batch of episodes.
     """
 
     width: Count

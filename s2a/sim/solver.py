@@ -71,7 +71,7 @@ class Variation:
 
     Attributes:
         joint_friction: dry friction of the part's joint.
-        joint_damping: its damping.
+        joint_damping: damping of the part's joint.
         mass: mass of the part.
         contact_friction: friction of all surfaces of a world.
         gains: stiffness and damping of the arm's position controller.
@@ -128,20 +128,20 @@ class SimConfig:
 
     Attributes:
         dt: physics time step [s].
-        substeps: physics steps a control step; even, so that a captured step ends in the buffer it began with.
+        substeps: physics steps per control step; even, so that a captured step ends in the buffer it began with.
         iterations: iterations of the constraint solver.
         ls_iterations: iterations of its line search.
         cone: friction cone.
         impratio: ratio of friction to normal impedance; higher slips less.
-        njmax: constraint rows a world.
-        nconmax: contacts a world.
-        multiccd: Enable several contacts a pair of hulls.
+        njmax: constraint rows per world.
+        nconmax: contacts per world.
+        multiccd: Enable several contacts per pair of hulls.
         load_static_colliders: Load the room's colliders.
         gains: gains of the robot's position controller; null: the robot's own.
         gravity_compensation: the robot's weight is carried.
         limits: limits to which the arm's controller keeps; null: none, and targets move as far as the task's action asks.
         joint: resistance of the target's joint.
-        vary: by what worlds differ; null: by nothing.
+        vary: differences between worlds; null: none.
         grip_stiffness: position gain of the finger joints [N/m], instead of that of the gains; null: theirs.
         coupled_fingers: one motor drives both, where the gripper has but one. Two that press with all their force yield to any
             push along their common axis. Motion limits with drives have it too.

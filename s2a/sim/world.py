@@ -79,7 +79,7 @@ class JointConfig:
 
     Attributes:
         stiffness: stiffness of the spring that draws the part to its scanned pose [N/m]; of `spring` "joint" [N/m] or [N m/rad].
-        damping: [N s/m] or [N m s/rad].
+        damping: viscous damping of the part's joint [N s/m] or [N m s/rad].
         spring: "grasp": the spring's force grows with the path of the grasp point, on every lever arm alike; "joint": with
             the joint's coordinate.
     """

@@ -29,12 +29,12 @@ class MdpConfig:
     """Settings of every task's decision process; each task's own add to them.
 
     Attributes:
-        name: of the task.
+        name: name of the task.
         episode_steps: control steps after which an episode is cut.
         action_scale: speed of a joint target for an action of 1 [rad/s].
         finger_speed: fraction of it for the fingers [m/s].
         start_noise: half range of the uniform noise on the start position [rad, m].
-        action_delay: least and greatest number of control steps by which an action comes late, drawn for an episode.
+        action_delay: minimum and maximum delay of an action in control steps, drawn for an episode.
     """
 
     name: str
@@ -53,12 +53,11 @@ class PartMdp(MdpConfig):
         velocity_scale: factor of the joint velocities in the observation.
         observation_limit: observations are clamped to +- this.
         tcp_offset: shift of the tool frame from the point between the pads, in that frame [m].
-        describe_part: for a policy of many parts: observe also what tells one from another, and give the critic what no sensor
-            measures (`s2a.tasks.mdp.observations`).
+        describe_part: for a policy of many parts: observe their differences too, and give the critic what no sensor measures
+            (`s2a.tasks.mdp.observations`).
         fine_grasp: observe the vector to the grasp in finer units too, and whether the gripper holds from within.
-        grasp_error: least and greatest distance of the grasp that is seen from the true one [m], drawn for an episode; it has any
-            direction.
-        grasp_turn: least and greatest angle between them [degree], about any axis.
+        grasp_error: minimum and maximum distance of the observed grasp from the true one [m], drawn for an episode.
+        grasp_turn: minimum and maximum angle between them [degree], about any axis.
         contact_distance: distance of a contact from the annotated region up to which it is on it [m].
         contact_force: normal force from which a contact counts [N].
     """

@@ -141,10 +141,6 @@ class VecEnv:
         Raises:
             InputError: it is of another number of worlds, or of another task.
         """
-        state = {
-            "begun": torch.full((self.num_envs,), -1, dtype=torch.int32),
-            **state,
-        }  # earlier versions did not save it
         for name, array in self._persistent().items():
             mine = wp.to_torch(array)
             if name not in state or state[name].shape != mine.shape:

@@ -20,12 +20,12 @@ class OpenPartConfig(PartMdp):
 
     Attributes:
         close_distance: distance below which the distance term doubles and the closing term counts [m].
-        gentle_force: contact force of the robot that costs nothing yet [N].
+        gentle_force: contact force of the robot up to which nothing is subtracted [N].
         bonus_openings: openings that give a bonus of 1 each [m].
         termination_opening: opening that ends the episode [m]; infinite: never.
         full_travel: shorter travels scale all openings down in proportion [m].
-        firm_angle: between the fingers' forces, from which a grasp is rewarded in full [degree]; less from 120 on, from which
-            the metrics count one. 120: all or nothing.
+        firm_angle: angle between the fingers' forces from which a grasp is rewarded in full [degree]; less from 120 on,
+            from which the metrics count one. 120: all or nothing.
     """
 
     close_distance: NotNegative

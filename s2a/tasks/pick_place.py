@@ -30,13 +30,13 @@ class PickPlaceConfig(MdpConfig):
         start: place of the object at the start of an episode.
         place: place where it is put.
         start_shift: maximum distance from there along x and y [m]; drawn for each episode and world.
-        start_turn: by how much it is turned about the vertical there, at most [rad]; likewise.
+        start_turn: maximum rotation about the vertical there [rad]; likewise.
         velocity_scale: factor of the joint velocities in the observation.
         observation_limit: observations are clamped to +- this.
         contact_distance: distance of a contact from the object's surface up to which it is on it [m].
         contact_force: normal force of each finger from which a grasp holds [N].
-        rest_time: for which the object rests at its place before the episode ends [s].
-        settle_time: at the start of an episode, in which objects come to rest before displacements count [s].
+        rest_time: time for which the object rests at its place before the episode ends [s].
+        settle_time: time at the start of an episode in which objects come to rest before displacements count [s].
         position_tolerance: tolerance of the object's position at its place [m].
         angle_tolerance: likewise [rad].
         rest_shift: displacement of the object's origin in `rest_time`, up to which it is at rest [m].

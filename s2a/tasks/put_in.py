@@ -25,7 +25,7 @@ class PutInConfig(PickPlaceConfig):
     """The decision process; `start` is that of `PickPlaceConfig`, `place` the id of the part into which the object is put.
 
     Attributes:
-        opening: to which the part is opened, path of its grasp point [m]; 95 % of the travel where that is less.
+        opening: opening of the part as the path of its grasp point [m]; 95 % of the travel where that is less.
         closed_fraction: fraction of its travel up to which the part counts as closed.
     """
 
@@ -38,7 +38,7 @@ class PutInMetrics(PickPlaceMetrics):
     """Thresholds of what is reported.
 
     Attributes:
-        min_ride: least path of the part towards shut with the object in it, untouched by the robot [m].
+        min_ride: minimum path of the part towards closed with the object in it, untouched by the robot [m].
     """
 
     min_ride: Positive

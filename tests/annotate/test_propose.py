@@ -226,7 +226,7 @@ def test_a_proposed_handle_is_found_as_one_that_is_clicked(monkeypatch: pytest.M
     surface = SplitSurface.of(mesh.vertices, mesh.faces, mesh.colors)
     box, bar = CellBox(0, 0, 80, 90), CellBox(34, 69, 46, 71)
     told = Told([(box, SLIDES)], handles=(bar,))
-    monkeypatch.setattr(run, "layers", lambda points, config: [on_the_board()])
+    monkeypatch.setattr(run.layers, "layers", lambda points, config: [on_the_board()])
     (item,) = propose(surface, PROPOSE, GROW, told)
     np.testing.assert_allclose(item.region.normal, (1, 0, 0), atol=1e-6)
     np.testing.assert_allclose(item.region.size, (0.8, 0.9), atol=0.01)
@@ -295,7 +295,7 @@ def test_what_another_plane_takes_is_not_looked_at_again() -> None:
 def test_what_slides_out_of_shallow_furniture_becomes_a_flap(monkeypatch: pytest.MonkeyPatch, flap: bool) -> None:
     """The board's left half, 0.8 by 0.9 m: as a flap it turns about its lower side, at the floor."""
     mesh = plain_room.room()
-    monkeypatch.setattr(run, "layers", lambda points, config: [on_the_board()])
+    monkeypatch.setattr(run.layers, "layers", lambda points, config: [on_the_board()])
     monkeypatch.setattr(run, "is_flap", lambda region, points, density: flap)
     surface = SplitSurface.of(mesh.vertices, mesh.faces, mesh.colors)
     (item,) = propose(surface, PROPOSE, GROW, Told([(CellBox(0, 0, 80, 90), SLIDES)]))

@@ -69,19 +69,9 @@ def test_what_would_learn_something_else_is_refused_by_name(out: Path, values: d
 
 
 def with_sim(drives: object, spring: object) -> dict[str, Any]:
-    """Return settings with a simulation; None leaves a key out, as runs from before it have it."""
+    """Return settings with a simulation."""
     limits, joint = {"velocity": 0.2, "drives": drives}, {"stiffness": 10.0, "spring": spring}
-    groups = {"limits": limits, "joint": joint}
-    return VALUES | {"sim": {name: {k: v for k, v in g.items() if v is not None} for name, g in groups.items()}}
-
-
-def test_an_older_run_goes_on_with_the_spring_and_the_arm_that_it_had(tmp_path: Path) -> None:
-    run_folder.keep_settings(with_sim(None, None), tmp_path)
-    with pytest.raises(InputError, match="'sim.joint.spring' is 'grasp', but .* was begun with 'joint'"):
-        run_folder.keep_settings(with_sim(False, "grasp"), tmp_path)
-    with pytest.raises(InputError, match="'sim.limits.drives' is True, but .* was begun with False"):
-        run_folder.keep_settings(with_sim(True, "joint"), tmp_path)
-    run_folder.keep_settings(with_sim(False, "joint"), tmp_path)
+    return VALUES | {"sim": {"limits": limits, "joint": joint}}
 
 
 def test_what_has_no_effect_may_change(tmp_path: Path) -> None:

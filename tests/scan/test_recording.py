@@ -248,7 +248,7 @@ def lose_all(folder: Path) -> None:
         (cut_pose, "3 x 3 numbers"),
         (garble_camera, "holds no matrix"),
         (cut_depth, "damaged"),
-        (color_as_depth, "no 16 bit depth"),
+        (color_as_depth, "not a 16 bit depth"),
         (lose_all, "0 frames have a valid pose"),
     ],
 )

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cabinet_rooms import clean_cabinet_room
 from only_part import cabinet, moving, part
-from pxr import Sdf, Usd, UsdPhysics
+from pxr import Usd, UsdPhysics
 from scanned_drawers import scanned_drawer
 from scipy.spatial.transform import Rotation
 from settings import load
@@ -130,15 +130,6 @@ def test_a_free_object_keeps_a_pose_of_its_own(scene: SimRoom, tmp_path: Path) -
     assert sim_stage.read(tmp_path / "room.usd") == room
     expected = Rotation.from_quat(body.orientation).apply(body.visual.vertices) + body.position
     assert in_scene(body, body.visual) == pytest.approx(expected, abs=1e-9)
-
-
-def test_a_file_of_one_part_as_it_was_written_before_is_refused(path: Path, tmp_path: Path) -> None:
-    stage = Usd.Stage.Open(str(path))
-    stage.GetDefaultPrim().CreateAttribute("s2a:target", Sdf.ValueTypeNames.String).Set("drawer_7")
-    stage.GetRootLayer().Export(str(tmp_path / "old.usd"))
-    with pytest.raises(InputError, match="older s2a"):
-        sim_stage.read(tmp_path / "old.usd", visuals=False)
-    stage.Reload()
 
 
 def test_every_piece_says_which_part_it_stands_for(path: Path) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,19 +20,6 @@ def test_a_checkpoint_brings_the_world_it_was_trained_in(tmp_path: Path) -> None
     sim, task = load(SimConfig, "sim/planner", dt=0.002), task_settings(termination_opening=9.0)
     write_world(sim, task, tmp_path)
     assert read_world(tmp_path / "model_1.pt") == (sim, task)
-
-
-def test_a_run_from_before_drives_is_read_without_them(tmp_path: Path) -> None:
-    sim = load(SimConfig, "sim/real")
-    assert sim.limits and sim.limits.drives
-    write_world(sim, task_settings(), tmp_path)
-    values = json.loads((tmp_path / "world.json").read_text())
-    del values["sim"]["limits"]["drives"]
-    (tmp_path / "world.json").write_text(json.dumps(values))
-    assert read_world(tmp_path / "model_1.pt") == (
-        replace(sim, limits=replace(sim.limits, drives=False)),
-        task_settings(),
-    )
 
 
 def test_what_is_reported_is_up_to_the_evaluation(tmp_path: Path) -> None:

@@ -275,7 +275,7 @@ def test_a_run_that_was_cut_is_read_from_its_log(tmp_path: Path) -> None:
     (folder / "metrics.json").unlink()
     with log.SummaryWriter(str(folder)) as writer:
         for step in (0, 3):
-            writer.add_scalar("/success", 0.25 * step, step)
+            writer.add_scalar("Episode/success", 0.25 * step, step)
     page = whole(read(folder))
     assert "Training drawer (not finished)" in page and ">200<" not in page
     assert "<td class=''>environment steps [millions]<td class='n'>0.0002" in page, (

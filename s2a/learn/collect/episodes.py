@@ -173,7 +173,7 @@ class Collector:
             recorder: of their sensors, made before the environment.
             views: their cameras.
             size: width and height of the images [pixel].
-            every: control steps a frame.
+            every: control steps per frame.
             world: physics and task, as plain values.
         """
         self._env, self.recorder, self._views, self._every = env, recorder, views, every

@@ -67,7 +67,7 @@ class DepthCameraConfig:
         width: [pixel].
         height: [pixel].
         fov: vertical field of view [rad].
-        distance: least and greatest distance from the part [m].
+        distance: minimum and maximum distance from the part [m].
         noise: standard deviation of the depth of a pixel at a distance of 1 m [m]; it grows with the distance squared.
     """
 

@@ -88,10 +88,10 @@ class NetworkConfig:
     """How the network is trained.
 
     Attributes:
-        steps: of the optimiser.
+        steps: number of steps of the optimiser.
         batch: frames a step.
-        points: of a frame's points a random part is seen in each step.
-        width: of the network's first layers.
+        points: number of a frame's points, drawn for each step.
+        width: width of the network's first layers.
     """
 
     steps: Count

@@ -26,7 +26,7 @@ class PpoConfig:
         num_steps_per_env: control steps a world collects for an iteration.
         num_learning_epochs: passes over them.
         num_mini_batches: parts of a pass.
-        learning_rate: at the start; adapted to keep the divergence at `desired_kl`.
+        learning_rate: rate at the start; adapted to keep the divergence at `desired_kl`.
         critic_learning_rate: the critic's own, which is not adapted; null: it has the actor's. Where the divergence holds the
             actor's at its lowest, 1e-5, a critic with the same does not follow. Needs `cuda_graph`.
         desired_kl: divergence of a policy from the one before it.
@@ -41,11 +41,11 @@ class PpoConfig:
         max_grad_norm: norm to which the gradient is clipped.
         hidden_dims: widths of the layers of actor and critic (ELU).
         init_std: standard deviation of the first policy's actions; of another run's too, where this one begins with it.
-        min_std: below it no action's standard deviation falls.
+        min_std: lower bound of an action's standard deviation.
         imitation_iterations: number of the first iterations, in which the policy does not improve by its own reward, but imitates
             the planner in the states to which it comes itself, as DAgger does (Ross et al. 2011); the critic learns meanwhile.
             Needs `cuda_graph`. A run that begins with another's policy does not imitate.
-        critic_iterations: where a run begins with a policy that has no critic (init=pretrained): number of the first iterations,
+        critic_iterations: number of first iterations of a run that begins with a policy without a critic (init=pretrained),
             in which the critic alone learns. Needs `cuda_graph`.
         save_interval: iterations between checkpoints.
         target: rate of the task's first logged column at which a training ends (`Runner.measure`). What it begins with is

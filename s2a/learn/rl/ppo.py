@@ -30,7 +30,7 @@ from s2a.learn.rl import config as processes
 from s2a.learn.rl import policy_file, run_folder
 from s2a.learn.rl.adapter import TERM, RslRlEnv
 from s2a.learn.rl.config import BROKEN, PpoConfig, rsl_rl_settings
-from s2a.learn.rl.run_folder import ADDED, BEST
+from s2a.learn.rl.run_folder import BEST
 from s2a.motion.policy import Planner
 from s2a.tasks.env import VecEnv
 from s2a.tasks.state import ERRORS
@@ -475,9 +475,7 @@ def load_policy(env: VecEnv, checkpoint: Path) -> Callable[[torch.Tensor], torch
 def _settings(file: Path) -> PpoConfig:
     """Return how a policy was trained, without what only makes training fast."""
     try:
-        values = json.loads(file.read_text())
-        added = {key.removeprefix("ppo."): value for key, value in ADDED.items() if key.startswith("ppo.")}
-        trained = config.load(PpoConfig, added | values)
+        trained = config.load(PpoConfig, json.loads(file.read_text()))
     except (OSError, ValueError, AttributeError, TypeError, InputError) as error:
         raise InputError(f"{file}: not what s2a train writes ({error}); train again") from error
     return replace(trained, cuda_graph=False, torch_compile_mode=None, fused_adam=False)

@@ -7,7 +7,7 @@ import shutil
 import time
 import zipfile
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -30,37 +30,6 @@ FREE = ("init", "resume", "device", "export", "out", "ppo.iterations", "ppo.save
 
 _log = logging.getLogger(__name__)
 
-# Dotted key that older runs did not have -> the value by which they ran
-ADDED = {
-    "sim.joint.spring": "joint",
-    "sim.limits.drives": False,
-    "sim.vary": None,
-    "sim.grip_stiffness": None,
-    "sim.coupled_fingers": False,
-    "task.describe_part": False,
-    "task.fine_grasp": False,
-    "task.grasp_error": (0.0, 0.0),
-    "task.grasp_turn": (0.0, 0.0),
-    "task.action_delay": (0, 0),
-    "task.firm_angle": 120.0,
-    "ppo.imitation_iterations": 0,
-    "ppo.critic_iterations": 0,
-    "ppo.critic_learning_rate": None,
-    "ppo.tf32": False,
-    "ppo.target": None,
-}
-
-
-def complete(values: dict[str, Any]) -> None:
-    """Give the nested settings of an old run what has been added to their groups since."""
-    for key, value in ADDED.items():
-        *groups, name = key.split(".")
-        group: Any = values
-        for each in groups:
-            group = group.get(each) if isinstance(group, dict) else None
-        if isinstance(group, dict):
-            group.setdefault(name, value)
-
 
 def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable[[], Collection[str]] = tuple) -> None:
     """Write the nested settings of a run into its folder; if it has some already, they must be the same, save FREE ones.
@@ -75,7 +44,6 @@ def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable
     if file.is_file() or latest(out):
         try:
             begun = json.loads(file.read_text())
-            complete(begun)
             then = dict(leaves(begun))
         except (OSError, ValueError, AttributeError) as error:
             raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error
@@ -97,8 +65,6 @@ def _may_change(key: str, now: object, then: object) -> bool:
     # A list or a fraction that one version does not have, and that neither run uses.
     if None in (now, then) and not now and not then:
         return True
-    if now is None and key in ADDED and then == ADDED[key]:  # of another task's settings
-        return True
     return key in FREE or key.startswith("metrics.") or (key.startswith("reward.") and not now and not then)
 
 
@@ -108,10 +74,9 @@ def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, objec
     Raises:
         InputError: the stage is another than the run was begun with.
     """
-    as_bytes = hashlib.sha256(stage.read_bytes()).hexdigest()
-    earlier, content = starts(out), as_bytes if pool.is_index(stage) else layer_hash(stage)
-    # Until November 2026 it was the hash of the file's bytes, which a stamp changes.
-    if earlier and earlier[0]["stage_sha256"] not in (content, as_bytes):
+    content = hashlib.sha256(stage.read_bytes()).hexdigest() if pool.is_index(stage) else layer_hash(stage)
+    earlier = starts(out)
+    if earlier and earlier[0]["stage_sha256"] != content:
         raise InputError(
             f"{stage} has changed since {out} was begun; resume with what it was, or train into another folder"
         )
@@ -194,12 +159,6 @@ def world_of(text: str, file: Path) -> tuple[SimConfig, MdpConfig]:
     """Return the world that a world.json describes; InputError: it was written by another version, or is damaged."""
     try:
         values = json.loads(text)
-        complete(values)
-        sim, task = values["sim"], values["task"]
-        kind = tasks.of(values).Config
-        # What has been added to one task's settings is none of another's.
-        added = {key.removeprefix("task.") for key in ADDED} - {each.name for each in fields(kind)}
-        task = {name: value for name, value in task.items() if name not in added}
-        return load(SimConfig, sim), load(kind, task)
+        return load(SimConfig, values["sim"]), load(tasks.of(values).Config, values["task"])
     except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
         raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error

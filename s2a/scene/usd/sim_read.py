@@ -62,9 +62,7 @@ def read(path: Path, *, visuals: bool = True) -> SimRoom:
         notes=_strings(root, "notes"),
         static_parts=_strings(visual, "parts") if visual else (),
         static_face_part=_face_part(visual),
-        reductions=tuple(
-            r for r in (_reduction(static, *group) for group in (("structure", "shell"), ("other",))) if r is not None
-        ),
+        reductions=tuple(r for r in (_reduction(static, group) for group in ("structure", "other")) if r is not None),
     )
 
 
@@ -72,8 +70,6 @@ def _checked(stage: Usd.Stage, path: Path) -> Usd.Stage:
     """Return a stage if it is of this flavour and layout, else raise an InputError."""
     root = stage.GetDefaultPrim()
     require_flavour(root, path)
-    if root.GetAttribute("s2a:target"):
-        raise InputError(f"{path}: holds one part, as an older s2a wrote it; {PREPARE_AGAIN}")
     if missing := [name for name in ("static", "joints") if not root.GetChild(name)]:
         raise InputError(f"{path}: {ROOT}/{missing[0]} is missing; {PREPARE_AGAIN}")
     return stage
@@ -196,11 +192,10 @@ def _face_part(visual: Usd.Prim | None) -> np.ndarray | None:
     return np.asarray(primvar.Get(), np.int32) if primvar and primvar.HasValue() else None
 
 
-def _reduction(prim: Usd.Prim, group: str, old: str = "") -> Reduction | None:
-    """Return what decimation did to a group of surfaces, or None; `old` is its name in older files."""
-    name = group if prim.HasAttribute(f"s2a:{group}:facesBefore") else old
-    counts = {n: prim.GetAttribute(f"s2a:{name}:faces{n.capitalize()}").Get() for n in ("before", "after", "asked")}
-    errors = {n: prim.GetAttribute(f"s2a:{name}:error{n.capitalize()}").Get() for n in ("mean", "p99", "max")}
+def _reduction(prim: Usd.Prim, group: str) -> Reduction | None:
+    """Return what decimation did to a group of surfaces, or None."""
+    counts = {n: prim.GetAttribute(f"s2a:{group}:faces{n.capitalize()}").Get() for n in ("before", "after", "asked")}
+    errors = {n: prim.GetAttribute(f"s2a:{group}:error{n.capitalize()}").Get() for n in ("mean", "p99", "max")}
     return None if None in {**counts, **errors}.values() else Reduction(group, **counts, **errors)
 
 

@@ -114,8 +114,8 @@ def run(config: Config) -> str:
                     dataset.add(episode)
     made, seconds = dataset.count - first, time.perf_counter() - began
     return (
-        f"{config.out}: {dataset.count} episodes, {dataset.frames} frames at {collector.features.fps} a second; "
-        f"{made} of {run_episodes} episodes kept, {60.0 * made / seconds:.1f} a minute"
+        f"{config.out}: {dataset.count} episodes, {dataset.frames} frames at {collector.features.fps} per second; "
+        f"{made} of {run_episodes} episodes kept, {60.0 * made / seconds:.1f} per minute"
     )
 
 

@@ -89,7 +89,7 @@ class NetworkConfig:
 
     Attributes:
         steps: number of steps of the optimiser.
-        batch: frames a step.
+        batch: frames per step.
         points: number of a frame's points, drawn for each step.
         width: width of the network's first layers.
     """

@@ -23,7 +23,7 @@ class PpoConfig:
 
     Attributes:
         iterations: number of iterations of collecting and learning.
-        num_steps_per_env: control steps a world collects for an iteration.
+        num_steps_per_env: control steps per world and iteration.
         num_learning_epochs: passes over them.
         num_mini_batches: parts of a pass.
         learning_rate: rate at the start; adapted to keep the divergence at `desired_kl`.

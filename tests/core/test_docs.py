@@ -65,8 +65,10 @@ def required(command: str) -> tuple[str, ...]:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_links_lead_to_files_of_the_repository(page: str) -> None:
-    links = [docs_site.target(page, path) for path, _ in docs_site.links((ROOT / page).read_text())]
+def test_links_and_paths_lead_to_files_of_the_repository(page: str) -> None:
+    text = (ROOT / page).read_text()
+    links = [docs_site.target(page, path) for path, _ in docs_site.links(text)]
+    links += re.findall(r"`((?:s2a|conf|tests|tools|experiments|docs)/[\w/-]+\.\w+)`", text)
     assert [link for link in links if not (ROOT / link).exists()] == []
 
 

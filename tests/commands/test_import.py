@@ -144,7 +144,7 @@ DAMAGED: dict[str, tuple[Callable[[Path], object], str]] = {
     "half.glb": (truncated, "truncated"),
     "empty.glb": (Path.touch, "is empty"),
     "empty.usdz": (lambda path: path.write_bytes(b"x"), "not a USD file"),
-    "noise.glb": (lambda path: path.write_bytes(b"no GLB at all, only text"), "no GLB file"),
+    "noise.glb": (lambda path: path.write_bytes(b"no GLB at all, only text"), "not a GLB file"),
     "noise.gltf": (lambda path: path.write_text("{"), "no glTF"),
     "noise.ply": (lambda path: path.write_text("ply\nrubbish"), "damaged"),
     "points.ply": (lambda path: trimesh.PointCloud(np.eye(3)).export(path), "holds no faces"),

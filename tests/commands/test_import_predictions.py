@@ -86,7 +86,7 @@ def test_a_pickle_of_usdnet_is_read_and_its_assumed_range_said(
     found = predict(scan, tmp_path / "p.pkl")
     assert 0 in found["parts"][0]["triIndices"]
     assert found["artic"][0]["rangeMax"] == pytest.approx(np.pi / 2)
-    assert "1 of 1 joints come without a range" in caplog.text
+    assert "1 of 1 joints have no range" in caplog.text
 
 
 def test_masks_of_another_mesh_are_refused(scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -117,7 +117,7 @@ def test_an_unknown_agent_is_told_the_known_ones() -> None:
     ("keys", "message"),
     [
         (("export=true",), "no checkpoint to export"),
-        (("agent=zero", "checkpoint=model_1.pt"), "only one can act"),
+        (("agent=zero", "checkpoint=model_1.pt"), "only one can drive the robot"),
         ((f"images={__file__}",), "a file; give a folder"),
     ],
 )

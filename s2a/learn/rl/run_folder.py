@@ -74,8 +74,8 @@ def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, objec
     Raises:
         InputError: the stage is another than the run was begun with.
     """
-    content = hashlib.sha256(stage.read_bytes()).hexdigest() if pool.is_index(stage) else layer_hash(stage)
     earlier = starts(out)
+    content = hashlib.sha256(stage.read_bytes()).hexdigest() if pool.is_index(stage) else layer_hash(stage)
     if earlier and earlier[0]["stage_sha256"] != content:
         raise InputError(
             f"{stage} has changed since {out} was begun; resume with what it was, or train into another folder"

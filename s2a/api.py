@@ -27,7 +27,7 @@ from s2a.scan import Export
 from s2a.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from s2a.certify.check import ValidationReport
+    from s2a.core.check import ValidationReport
     from s2a.language.insert.batch import Insertion
     from s2a.tasks.env import TaskVectorEnv
 
@@ -145,6 +145,18 @@ def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ())
 
         values = config.compose("certify", list(overrides))["certify"]
         return run(Path(stage), config.load(CertifyConfig, values), part)
+
+
+def certify_asset(asset: File) -> ValidationReport:
+    """Ask of a URDF, MJCF or USD of others what needs no scan; return its report. Needs `s2a[sim]`.
+
+    Raises:
+        InputError: no such file, or one that neither MuJoCo nor Newton can read.
+    """
+    with errors.required():
+        from s2a.certify.asset import certify_asset as run
+
+        return run(Path(asset))[0]
 
 
 def make(

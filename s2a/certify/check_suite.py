@@ -9,13 +9,12 @@ from pathlib import Path
 import mujoco
 
 from s2a.certify import contents, grasp, static  # noqa: F401  (static registers its checks, the first ones)
-from s2a.certify.check import ValidationReport
 from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig
 from s2a.certify.grasp import Gap, GapConfig, GripConfig, GripTest
 from s2a.certify.physics import MOTION, MotionConfig, MujocoWorld, PhysicsConfig
 from s2a.certify.portability import FoundationConfig, foundation
 from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
-from s2a.core.check import Check, Status, at_most
+from s2a.core.check import Check, Status, ValidationReport, at_most
 from s2a.core.errors import InputError
 from s2a.core.progress import track
 from s2a.core.provenance import provenance

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
-from s2a.certify.check import Suite
 from s2a.core.bounds import CountFromZero, NotNegative
+from s2a.core.check import Suite
 from s2a.core.errors import InputError
 from s2a.scene.usd.joints import is_body, joint_ends
 from s2a.scene.usd.sim_read import require_flavour

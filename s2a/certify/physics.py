@@ -10,9 +10,8 @@ import numpy as np
 import warp as wp
 
 from s2a import robot as robots
-from s2a.certify.check import Suite
 from s2a.core.bounds import Count, NotNegative, Positive
-from s2a.core.check import Check, at_most
+from s2a.core.check import Check, Suite, at_most
 from s2a.core.outputs import temporary_folder
 from s2a.robot.model import add_gripper
 from s2a.scene.articulation import opening_sign, pose_at

@@ -1,24 +1,26 @@
-"""Validation reports as JSON, a table, and images of scan and colliders."""
+"""Validation reports as JSON, SARIF, JUnit and a table, and images of scan and colliders."""
 
 import io
 import itertools
 import json
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
-from s2a.certify.check import ValidationReport
-from s2a.core.check import Check, as_json, count_text
+from s2a.core.check import Check, ValidationReport, as_json, count_text, doubtful
 from s2a.scan.visuals import hulls, visible_room
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
-from s2a.scene.geometry.mesh_ops import painted
+from s2a.scene.geometry.mesh_ops import merge, painted
 from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
+from s2a.sim.asset import Asset, placed
 
 
 def to_json(results: Sequence[ValidationReport]) -> str:
@@ -30,6 +32,48 @@ def to_json(results: Sequence[ValidationReport]) -> str:
 def from_json(text: str) -> list[ValidationReport]:
     """Read validation reports; ValueError, KeyError or TypeError if the text is none."""
     return [_result(values) for values in json.loads(text)["reports"]]
+
+
+SARIF = "https://json.schemastore.org/sarif-2.1.0.json"
+
+
+def to_sarif(results: Sequence[ValidationReport]) -> str:
+    """Return what failed and what warns as SARIF 2.1.0, which code hosts show beside a file."""
+    rows = [(each, check) for each in results for check in doubtful(each.checks)]
+    rules = [{"id": name} for name in dict.fromkeys(check.name for _, check in rows)]
+    findings = [
+        {
+            "ruleId": check.name,
+            "level": "error" if check.status == "fail" else "warning",
+            "message": {"text": f"{number(check)} {check}".strip()},
+            "locations": [
+                {
+                    "physicalLocation": {"artifactLocation": {"uri": Path(each.stage).as_posix()}},
+                    "logicalLocations": [{"fullyQualifiedName": check.prim or each.target or "/"}],
+                }
+            ],
+        }
+        for each, check in rows
+    ]
+    tool = {"driver": {"name": "s2a", "version": version("s2a"), "rules": rules}}
+    return json.dumps({"$schema": SARIF, "version": "2.1.0", "runs": [{"tool": tool, "results": findings}]}, indent=1)
+
+
+def to_junit(results: Sequence[ValidationReport]) -> str:
+    """Return validation reports as JUnit's XML, a suite each, which build servers show as tests."""
+    root = ElementTree.Element("testsuites", name="s2a certify")
+    for each in results:
+        counts = {status: str(sum(c.status == status for c in each.checks)) for status in ("fail", "skipped")}
+        about = {"tests": str(len(each.checks)), "failures": counts["fail"], "skipped": counts["skipped"]}
+        name = f"{each.stage} {each.target}".strip()
+        suite = ElementTree.SubElement(root, "testsuite", {"name": name, "time": f"{each.seconds}", **about})
+        for check in each.checks:
+            case = ElementTree.SubElement(suite, "testcase", classname=name, name=f"{check.name} {check.prim}".strip())
+            if check.status in ("fail", "skipped"):
+                tag = "failure" if check.status == "fail" else "skipped"
+                ElementTree.SubElement(case, tag, message=f"{number(check)} {check}".strip())
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True)
 
 
 def _result(values: dict[str, Any]) -> ValidationReport:
@@ -73,9 +117,14 @@ def summary(result: ValidationReport) -> str:
 
     Whether a gripper can hold the part is a line of its own, with the reason: a part without a handle is no fault of its file.
     """
+    head, *lines = verdict(result).splitlines()
+    return "\n".join([head, f"  {grip(result)}", *lines])
+
+
+def verdict(result: ValidationReport) -> str:
+    """Return a report as a few lines without a word about grasps."""
     head = f"{result.stage}: {result.target or 'no target'}: {'PASSED' if result.passed else 'FAILED'}"
-    lines = [f"  {grip(result)}"]
-    lines += [f"  {c.name} at {c.prim or '/scene'}: {number(c)} {c.message}; {c.remedy}" for c in result.failed]
+    lines = [f"  {c.name} at {c.prim or '/scene'}: {number(c)} {c.message}; {c.remedy}" for c in result.failed]
     return "\n".join([head, *lines, f"  {count_text(result.checks)}"])
 
 
@@ -142,6 +191,22 @@ def images(path: Path, part: str, camera: OrbitCamera) -> dict[str, np.ndarray]:
         "what collides over the scan": _mixed(seen, hard, view, camera),
         "the same at the grasp": _mixed(seen, hard, near, camera),
     }
+
+
+def asset_images(asset: Asset, camera: OrbitCamera) -> dict[str, np.ndarray]:
+    """Return images [row column 3] of an asset of others, by their captions; none of one that nobody sees."""
+    bodies = asset.bodies.values()
+    seen = [placed(mesh, body.pose) for body in bodies for mesh in body.visuals or body.colliders]
+    hard = [placed(mesh, body.pose) for body in bodies for mesh in body.colliders]
+    if not seen:
+        return {}
+    whole = merge(seen + hard)
+    view = framing_pose(whole.vertices, np.array([1.0, 0.0, 0.0]), camera)
+    solid = [painted(mesh, color) for mesh, color in zip(hard, itertools.cycle(TARGET), strict=False)]
+    shown = {"what is seen": render(seen, view, camera)}
+    if not solid:
+        return shown
+    return shown | {"what collides": render(solid, view, camera), "both": _mixed(seen, solid, view, camera)}
 
 
 def _mixed(seen: list[Mesh], hard: list[Mesh], view: CameraPose, camera: OrbitCamera) -> np.ndarray:

@@ -10,9 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.certify.check import Suite
 from s2a.core.bounds import Fraction, Positive
-from s2a.core.check import Check, Status, at_most, no_problems
+from s2a.core.check import Check, Status, Suite, at_most, no_problems
 from s2a.robot.spec import RobotSpec
 from s2a.scan.evidence import Bounds
 from s2a.scan.evidence.annotation import moving_part, room_checks

@@ -16,7 +16,7 @@ from s2a.scene.usd import joints
 from s2a.scene.usd.joints import Resistance
 from s2a.scene.usd.sim_scene import Mass
 from s2a.scene.usd.stage import ROOT, referable, save_layer, write_attribute
-from s2a.sim.resistance import engaged, held
+from s2a.sim.solver import engaged, held
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 

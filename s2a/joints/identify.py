@@ -14,7 +14,7 @@ from s2a.core.errors import InputError
 from s2a.joints.dynamics import LOWER, PARAMETERS, TYPICAL, UPPER, Dynamics, JointWorlds
 from s2a.joints.pull import Noise, Pull, same_step
 from s2a.joints.pulled import Moving
-from s2a.sim.resistance import EDGE
+from s2a.sim.solver import EDGE
 
 # Points [problem variable] -> values [problem] and gradients [problem variable]
 Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]

@@ -14,7 +14,7 @@ from s2a.joints.dynamics import Bodies, bodies_at_grasp, joint_model, resisted, 
 from s2a.joints.identify import minimize_together
 from s2a.joints.pulled import Pulled
 from s2a.motion.trajectory import PullLaw, eased
-from s2a.sim.resistance import engaged
+from s2a.sim.solver import engaged
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 

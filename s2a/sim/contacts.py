@@ -4,7 +4,7 @@ The gripper's pads are the fingers' links. A contact belongs to where it lies, w
 """
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -174,9 +174,9 @@ CONTACTS = 8  # of a pair of convex hulls in Newton at most
 FAR = 1.0  # [m] Gap above which no distance is sought
 
 # Hulls that move, hulls that stay, their joint, and pairs that may meet, each with two coordinates between which they may ->
-# index of a hull that stays, coordinate, and depth there [m]
+# indices of a hull that moves and of one that stays, coordinate, and depth there [m]
 Meeting = tuple[int, int, float, float]
-Engine = Callable[[Sequence[Mesh], Sequence[Mesh], Joint, Sequence[Meeting]], Iterator[tuple[int, float, float]]]
+Engine = Callable[[Sequence[Mesh], Sequence[Mesh], Joint, Sequence[Meeting]], Iterator[tuple[int, int, float, float]]]
 
 
 @dataclass(frozen=True)
@@ -211,16 +211,39 @@ class RestingRoom:
             part: the articulated part; all others stand at their scanned poses.
             engine: measures depths; None: MuJoCo's exact depth of convex hulls.
         """
+        result: dict[str, OverlapDepth] = {}
+        for (_, other), depth in self.pairs(part, engine).items():
+            last = result.get(other, OverlapDepth())
+            travel = max((last.travel, last.q), (depth.travel, depth.q))
+            result[other] = OverlapDepth(max(last.rest, depth.rest), *travel)
+        return result
+
+    def pairs(
+        self, part: str, engine: Engine | None = None, beside: Collection[str] = ()
+    ) -> dict[tuple[str, str], OverlapDepth]:
+        """Return the same by what overlaps: the part, or what it carries, and the other body.
+
+        Args:
+            part: the articulated part.
+            engine: measures depths.
+            beside: bodies that are not asked against the part itself, only against what it carries.
+        """
         joint, group = self.joints[part], carried(part, self.parents)
-        moving = [c.mesh for body in group for c in self.bodies[body].colliders]
+        moving = [(body, c.mesh) for body in group for c in self.bodies[body].colliders]
         others = {i: body.colliders for i, body in self.bodies.items() if i not in group} | {STATIC: self.static}
         pool = [(i, c.mesh) for i, colliders in others.items() for c in colliders]
-        meetings = _meetings(moving, [mesh for _, mesh in pool], joint)
-        result: dict[str, OverlapDepth] = {}
-        for other, q, depth in (engine or mujoco_depths)(moving, [mesh for _, mesh in pool], joint, meetings):
-            last = result.get(pool[other][0], OverlapDepth())
+        ours, theirs = [mesh for _, mesh in moving], [mesh for _, mesh in pool]
+        meetings = [
+            each
+            for each in _meetings(ours, theirs, joint)
+            if moving[each[0]][0] != part or pool[each[1]][0] not in beside
+        ]
+        result: dict[tuple[str, str], OverlapDepth] = {}
+        for one, other, q, depth in (engine or mujoco_depths)(ours, theirs, joint, meetings) if meetings else ():
+            pair = moving[one][0], pool[other][0]
+            last = result.get(pair, OverlapDepth())
             rest = max(last.rest, depth) if q == 0.0 else last.rest
-            result[pool[other][0]] = OverlapDepth(rest, *max((last.travel, last.q), (depth, q)))
+            result[pair] = OverlapDepth(rest, *max((last.travel, last.q), (depth, q)))
         return result
 
 
@@ -239,7 +262,7 @@ def _meetings(moving: Sequence[Mesh], others: Sequence[Mesh], joint: Joint) -> l
 
 def mujoco_depths(
     moving: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, meetings: Sequence[Meeting]
-) -> Iterator[tuple[int, float, float]]:
+) -> Iterator[tuple[int, int, float, float]]:
     """Yield depths of convex hulls by MuJoCo's distance, STRIDE apart, farther where a gap allows (an `Engine`)."""
     ours, theirs = sorted({i for i, *_ in meetings}), sorted({j for _, j, *_ in meetings})
     spec = mujoco.MjSpec()
@@ -264,12 +287,12 @@ def mujoco_depths(
         speed = max(lever_arm(joint, point) for point in moving[i].vertices)
         deepest, q = 0.0, start
         if start <= 0.0 <= end and (depth := -gap(a, b, 0.0)) > 0.0:
-            yield j, 0.0, depth
+            yield i, j, 0.0, depth
         while speed > 0.0:
             apart = gap(a, b, q)
             if -apart > deepest:
                 deepest = -apart
-                yield j, q, deepest
+                yield i, j, q, deepest
             if q >= end:
                 break
             q = min(end, q + max(STRIDE, apart + deepest) / speed)
@@ -277,7 +300,7 @@ def mujoco_depths(
 
 def newton_depths(
     moving: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, meetings: Sequence[Meeting]
-) -> Iterator[tuple[int, float, float]]:
+) -> Iterator[tuple[int, int, float, float]]:
     """Yield depths of convex hulls by Newton's own contacts, at POSES coordinates at once (an `Engine`)."""
     ours, theirs = sorted({i for i, *_ in meetings}), sorted({j for _, j, *_ in meetings})
     if not meetings:
@@ -324,10 +347,12 @@ def newton_depths(
     )
     which = np.full(model.shape_count, -1)  # pose of a hull that moves, by shape
     which[[*shapes.values()]] = [k for k, _ in shapes]
+    hull = {shape: i for (_, i), shape in shapes.items()}
     k = which[ends]
     turned = np.einsum("knij,knj->kni", poses[k, :3, :3], points) + poses[k, :3, 3]
     first, second = np.where((k >= 0)[..., None], turned, points)
     depths = ((first - second) * contacts.rigid_contact_normal.numpy()[:count]).sum(axis=1)
-    for shape, pose, depth in zip(np.where(k < 0, ends, 0).max(axis=0), k.max(axis=0), depths, strict=True):
+    owners = np.where(k < 0, ends, 0).max(axis=0), np.where(k >= 0, ends, 0).max(axis=0)
+    for still, own, pose, depth in zip(*owners, k.max(axis=0), depths, strict=True):
         if depth > 0.0:
-            yield fixed[int(shape)], float(stops[pose]), float(depth)
+            yield hull[int(own)], fixed[int(still)], float(stops[pose]), float(depth)

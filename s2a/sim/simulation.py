@@ -13,8 +13,7 @@ from s2a import robot
 from s2a.core.errors import InputError
 from s2a.core.workers import spread
 from s2a.robot.tool_path import matrices
-from s2a.sim.resistance import hooks
-from s2a.sim.solver import IGNORED_OVERFLOWS, Layout, SimConfig, layout, make_solver, vary
+from s2a.sim.solver import IGNORED_OVERFLOWS, Layout, SimConfig, hooks, layout, make_solver, vary
 from s2a.sim.world import SimStage, body_index, build_world, empty_world
 
 FEW = 8  # Stages that are built before a helper has started

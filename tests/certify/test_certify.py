@@ -25,14 +25,13 @@ from seeded_defects import (
 from settings import load
 
 from s2a.certify import contents, report
-from s2a.certify.check import ValidationReport
 from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.certify.contents import STRUCTURE, Contents, ShapeConfig
 from s2a.certify.portability import foundation
 from s2a.certify.report import images
 from s2a.commands import cli
 from s2a.core import provenance
-from s2a.core.check import Check, at_most
+from s2a.core.check import Check, ValidationReport, at_most
 from s2a.core.errors import InputError
 from s2a.scene.geometry.camera import OrbitCamera
 from s2a.scene.usd import sim_stage

@@ -14,7 +14,7 @@ from plain_files import PLAIN_FILES
 from s2a.core.errors import InputError
 from s2a.scan import source
 from s2a.scan.bake import bake
-from s2a.scan.polygons import ears
+from s2a.scan.source import ears
 
 FILES = FEATURES + VARIANTS + PLAIN_FILES
 DOCS = Path(__file__).parents[2] / "docs" / "own_scan.md"

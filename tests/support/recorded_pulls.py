@@ -17,7 +17,7 @@ RATE = 60.0
 HAND = (400.0, 40.0)
 """[N/m], [N s/m]"""
 STRIBECK, EDGE = 0.05, 0.25
-"""[m/s], [1] Of the law that s2a.sim.resistance has too."""
+"""[m/s], [1] Of the law that s2a.sim.solver has too."""
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ import numpy as np
 
 from s2a.core.color_space import fractions, to_linear
 from s2a.core.errors import InputError
-from s2a.scan.polygons import triangulate
-from s2a.scan.source import CLAMP, PLAIN, REPEAT, Material, SourceMesh, Stated, beside, read_image
+from s2a.scan.source import CLAMP, PLAIN, REPEAT, Material, SourceMesh, Stated, beside, read_image, triangulate
 
 _log = logging.getLogger(__name__)
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from s2a.core.color_space import fractions, to_linear
 from s2a.core.errors import InputError
-from s2a.scan.polygons import triangulate
-from s2a.scan.source import SourceMesh, Stated
+from s2a.scan.source import SourceMesh, Stated, triangulate
 
 _log = logging.getLogger(__name__)
 

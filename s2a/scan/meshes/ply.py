@@ -11,8 +11,7 @@ from s2a.core.color_space import to_linear
 from s2a.core.errors import InputError
 from s2a.scan import ply, ply_file
 from s2a.scan.ply_file import Element, Lists, PlyFile
-from s2a.scan.polygons import triangulate
-from s2a.scan.source import PLAIN, Material, SourceMesh, Stated, read_image
+from s2a.scan.source import PLAIN, Material, SourceMesh, Stated, read_image, triangulate
 
 _log = logging.getLogger(__name__)
 

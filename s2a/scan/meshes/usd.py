@@ -14,8 +14,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from s2a.core.color_space import to_linear
 from s2a.core.errors import InputError
-from s2a.scan.polygons import triangulate
-from s2a.scan.source import Material, SourceMesh, Stated, joined
+from s2a.scan.source import Material, SourceMesh, Stated, joined, triangulate
 from s2a.scan.usd_materials import SHOWN, Appearance, UsdMaterials
 from s2a.scene.usd.stage import reading, refuse_deep
 

@@ -133,7 +133,7 @@ def measured(path: Path, work: Path) -> dict:
         **row,
         "repaired": again.passed,
         "failed_after": failures(again),
-        "same_look": repair.same_look(asset, other.asset),
+        "same_visuals": repair.same_visuals(asset, other.asset),
         "done": edits.notes,
         "repair_seconds": round(time.perf_counter() - start, 1),
     }
@@ -154,8 +154,8 @@ def summary(rows: list[dict]) -> dict:
         "read": sum("format" in row for row in rows),
         "passed": sum(row.get("passed", False) for row in rows),
         "failing": len(failing),
-        "repaired": sum(row.get("repaired", False) and row["same_look"] for row in failing),
-        "same_look": sum(row.get("same_look", False) for row in failing),
+        "repaired": sum(row.get("repaired", False) and row["same_visuals"] for row in failing),
+        "same_visuals": sum(row.get("same_visuals", False) for row in failing),
     }
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from s2a.certify.portability import opinions
 from s2a.core.check import Check, Suite, ValidationReport, at_most, no_problems
 from s2a.core.provenance import provenance
 from s2a.scene.articulation import carried
@@ -36,13 +37,13 @@ class AssetBounds:
     inertia: tuple[float, float] = (0.01, 3.3)
     centre: float = 0.1  # how far the centre of mass may lie outside of the bounding box, as a fraction of its diagonal
     apart: float = (
-        0.01  # [m] or `share` of the body's diagonal, where that is more: a collider's distance from what is seen
+        0.01  # [m] or `fraction` of the body's diagonal, where that is more: a collider's distance from what is seen
     )
-    share: float = 0.03
+    fraction: float = 0.03
     air: float = 0.05  # fraction of the colliders' surface that may stand farther off what is seen
     rest: float = 1e-3  # [m] overlap at rest
     range: float = 2e-3  # [m] the same anywhere in a joint's range
-    give: float = 0.01  # [m] or `share` of the travel: how far a stop may give way under the stated torque
+    give: float = 0.01  # [m] or `fraction` of the travel: how far a stop may give way under the stated torque
     sink: float = 0.005  # [m] how deep what fell may lie in the ground
     speed: float = 0.02  # [m/s] of any body after SETTLE seconds
     slam: float = 2.0  # [m/s] of a hinge's edge at its stop: what falls from 0.2 m
@@ -113,7 +114,7 @@ def certify_asset(path: Path) -> tuple[ValidationReport, AssetSubject]:
     """
     start = time.perf_counter()
     subject = AssetSubject(read(path))
-    checks = tuple(check for check in ASSET.ask(subject, BOUNDS))
+    checks = (*ASSET.ask(subject, BOUNDS), *opinions(path, subject.asset.kind))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     seconds = round(time.perf_counter() - start, 2)
     bounds = dataclasses.asdict(BOUNDS)
@@ -272,7 +273,7 @@ def inertia(subject: AssetSubject, bounds: AssetBounds) -> Check:
     return no_problems("inertia", faults, "state mass and inertia of what is seen", f"{total:.3g} kg move")
 
 
-def airs(body: AssetBody, bounds: AssetBounds = BOUNDS) -> float:
+def air_fraction(body: AssetBody, bounds: AssetBounds = BOUNDS) -> float:
     """Return the fraction of a body's colliders' surface that stands in the air, off what is seen of it.
 
     A filled opening has a lid: the hull's surface over it, away from the visual surface, outside of what is seen and of all
@@ -281,7 +282,7 @@ def airs(body: AssetBody, bounds: AssetBounds = BOUNDS) -> float:
     seen = merge(body.visuals)
     if not len(seen.faces) or not body.colliders:
         return 0.0
-    tolerance = max(bounds.apart, bounds.share * float(np.linalg.norm(np.ptp(seen.bounds, axis=0))))
+    tolerance = max(bounds.apart, bounds.fraction * float(np.linalg.norm(np.ptp(seen.bounds, axis=0))))
     points = sample(merge(body.colliders), SAMPLES, SEED)
     near = nearest_faces(kept_ray_mesh(seen), points, tolerance)[0] >= 0
     free = points[~near]
@@ -295,14 +296,14 @@ def airs(body: AssetBody, bounds: AssetBounds = BOUNDS) -> float:
 
 
 @ASSET.check()
-def openings(subject: AssetSubject, bounds: AssetBounds) -> Check:
+def filled_air(subject: AssetSubject, bounds: AssetBounds) -> Check:
     """Colliders follow what is seen: none fills an opening or stands off it."""
-    shares = {name: airs(body, bounds) for name, body in subject.asset.bodies.items()}
-    worst = max(shares, key=lambda name: shares[name], default="")
-    some = [name for name, share in shares.items() if share > bounds.air]
+    fractions = {name: air_fraction(body, bounds) for name, body in subject.asset.bodies.items()}
+    worst = max(fractions, key=lambda name: fractions[name], default="")
+    some = [name for name, fraction in fractions.items() if fraction > bounds.air]
     message = "of the colliders' surface stands in the air off what is seen"
     return at_most(
-        "openings", shares.get(worst, 0.0), bounds.air, "", prim=worst,
+        "filled_air", fractions.get(worst, 0.0), bounds.air, "", prim=worst,
         message=f"{message}: {', '.join(some[:6])}" if some else message,
         remedy="decompose the shape into more hulls (repair=FILE does)",
     )  # fmt: skip
@@ -311,21 +312,21 @@ def openings(subject: AssetSubject, bounds: AssetBounds) -> Check:
 @ASSET.check()
 def cover(subject: AssetSubject, bounds: AssetBounds) -> Check:
     """What is seen collides: its surface has a collider near."""
-    shares = {}
+    fractions = {}
     for name, body in subject.asset.bodies.items():
         seen = merge(body.visuals)
         if not body.colliders or not len(seen.faces):
             continue
-        tolerance = max(bounds.apart, bounds.share * float(np.linalg.norm(np.ptp(seen.bounds, axis=0))))
+        tolerance = max(bounds.apart, bounds.fraction * float(np.linalg.norm(np.ptp(seen.bounds, axis=0))))
         points = sample(seen, SAMPLES, SEED)
         inner = np.zeros(len(points), bool)
         for piece in body.colliders:
             inner |= contains(piece, points, tolerance)
-        shares[name] = 1.0 - float(inner.mean())
-    worst = max(shares, key=lambda name: shares[name], default="")
+        fractions[name] = 1.0 - float(inner.mean())
+    worst = max(fractions, key=lambda name: fractions[name], default="")
     message = "of what is seen has no collider near" + (f": {worst}" if worst else "")
     # few colliders are a choice, as of a robot's feet alone
-    return at_most("cover", shares.get(worst, 0.0), 0.5, "", otherwise="warn", prim=worst, message=message,
+    return at_most("cover", fractions.get(worst, 0.0), 0.5, "", otherwise="warn", prim=worst, message=message,
                    remedy="add colliders")  # fmt: skip
 
 
@@ -432,7 +433,7 @@ def limits(subject: AssetSubject, bounds: AssetBounds) -> Check:
     worst, where, count = 0.0, "", 0
     for joint, engine, model, index in subject.joints():
         if joint.limited and (travel := float(np.ptp(joint.motion.limits)) * lever(subject.asset, joint)[0]) > 1e-6:
-            beyond = give(subject.asset, model, joint, index) / max(bounds.give, bounds.share * travel)
+            beyond = give(subject.asset, model, joint, index) / max(bounds.give, bounds.fraction * travel)
             count += beyond > 1.0
             if beyond > worst:
                 worst, where = beyond, f"{joint.name} in {engine}"
@@ -508,7 +509,7 @@ def drop(subject: AssetSubject, bounds: AssetBounds) -> list[Check]:
             "m/s",
             prim=names[1].split(" ")[0],
             message=f"of the fastest body after {SETTLE:g} s: {names[1] or 'nothing moves'}",
-            remedy="give its joints damping, mend overlaps and masses (repair=FILE does)",
+            remedy="give its joints damping, correct overlaps and masses (repair=FILE does)",
         )  # fmt: skip
     )
     return checks

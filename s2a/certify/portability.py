@@ -4,9 +4,14 @@ import functools
 import importlib.util
 import logging
 import math
+import os
+import re
+import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -222,6 +227,37 @@ def foundation(path: Path, config: FoundationConfig) -> list[Check]:
     issues = [*result.issues, *result.soft_issues]
     features = sorted(result.features_summary.items(), key=lambda item: (item[0] not in config.required, item[0]))
     return [_check(name, summary, issues, name in config.required) for name, summary in features]
+
+
+# Validators of others, run where they are installed: what they are given before the file, and the formats they read
+PROGRAMS = {
+    "simcheck": (("check", "-q", "--no-config", "--format", "json"), ("URDF", "MJCF")),
+    "mjcf-doctor": (("check", "-q", "--json"), ("MJCF",)),
+}
+PATIENCE = 300.0  # [s] For one of them
+
+
+def opinions(path: Path, kind: str) -> list[Check]:
+    """Return what validators of others find in a URDF, MJCF or USD, as notes: their bounds are their own."""
+    if kind == "USD":
+        installed = importlib.util.find_spec("simready") is not None
+        return [replace(each, status="info") for each in foundation(path, FoundationConfig())] if installed else []
+    places = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    checks = []
+    for name, (arguments, kinds) in PROGRAMS.items():
+        program = shutil.which(name, path=places)
+        if program is None or kind not in kinds:
+            continue
+        try:
+            command = [program, *arguments, str(path)]
+            done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            checks.append(Check(name, "skipped", message=" ".join(str(error).split())[:200]))
+            continue
+        count = len(re.findall(r'"(?:severity|level)": *"error"', done.stdout, re.I))
+        words = f"{count} errors, exit code {done.returncode}: {' '.join(command[1:-1])}"
+        checks.append(Check(name, "info", float(count), None, "errors", message=words))
+    return checks
 
 
 @functools.cache

@@ -30,7 +30,7 @@ HULLS = (4, 8, 16, 32, 64)  # Of a body, tried one after the other until none fi
 RESOLUTION, VERTICES = 100_000, 32  # Voxels of a decomposition, vertices of a hull at most
 DENSITY = 600.0  # [kg/m^3] Of its hulls, as wood has, where a mass cannot be
 SMALL = (1e-3, 1e-6)  # [kg], [kg m^2] Of a moving body that has no surface
-RATIO = 0.35  # Of critical damping, with which a joint comes to rest
+RATIO = 0.7  # Of critical damping, with which a joint comes to rest
 QUICK = 0.3  # [s] In which a slide without a spring comes to rest
 STOP = (0.004, 1.0), (0.95, 0.99, 0.001, 0.5, 2.0)  # MuJoCo's solref and solimp of limits that hold
 RANGE = 0.5  # Fraction of a joint's range that has to be left where it is cut to what is free
@@ -50,6 +50,7 @@ class Edits:
     colliders: dict[str, list[Mesh]] = field(default_factory=dict)  # all of a body, in its frame
     damping: dict[str, float] = field(default_factory=dict)  # [N s/m] or [N m s/rad]
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)  # as the file counts [m] or [rad]
+    endless: set[str] = field(default_factory=set)  # hinges of a URDF that turn without limits
     stiff: set[str] = field(default_factory=set)  # joints whose limits have to hold more
     notes: list[str] = field(default_factory=list)
 
@@ -68,16 +69,20 @@ def plan(subject: AssetSubject, report: ValidationReport, trim: Trim, split: Spl
     """
     asset, edits, names = subject.asset, Edits(), {check.name for check in report.failed}
     if names & {"inertia", "mujoco_import", "newton_import"}:
-        _mend_masses(asset, edits)
-    if names & {"openings", "colliders"}:
+        _correct_masses(asset, edits)
+    if names & {"filled_air", "colliders"}:
         _decompose(asset, edits)
-    if names & {"rest_overlap", "range_overlap", "openings"}:
+    if names & {"rest_overlap", "range_overlap", "filled_air"}:
         _part(asset, subject, edits, trim, split)
     if "structure" in names:
         for name in asset.swapped:
             joint = asset.joints[name]
             edits.limits[name] = tuple(q + joint.rest for q in joint.motion.limits)  # type: ignore[assignment]
             edits.notes.append(f"{name}: limits swapped")
+    if asset.kind == "URDF" and "newton_import" in names:  # Newton takes no limits for a range of 0
+        hinges = [joint for joint in xml(asset.path).findall("joint") if joint.get("type") == "revolute"]
+        edits.endless = {str(joint.get("name")) for joint in hinges if joint.find("limit") is None}
+        edits.notes += [f"{name}: continuous, for it has no limits" for name in sorted(edits.endless)]
     if "limits" in names and asset.kind != "URDF":
         edits.stiff = {name for name, joint in asset.joints.items() if joint.limited}
         edits.notes.append(f"limits of {len(edits.stiff)} joints stiffened")
@@ -86,7 +91,7 @@ def plan(subject: AssetSubject, report: ValidationReport, trim: Trim, split: Spl
     return edits
 
 
-def _mend_masses(asset: Asset, edits: Edits) -> None:
+def _correct_masses(asset: Asset, edits: Edits) -> None:
     """Give groups of bodies whose mass or inertia cannot be those of solid boxes."""
     faults = checks.faulty_masses(asset)
     for name, group in asset.moving.items():
@@ -121,16 +126,16 @@ def _decompose(asset: Asset, edits: Edits) -> None:
     """Make hulls of what is seen where colliders fill openings or are missing, as few as keep openings open."""
     for name, body in asset.bodies.items():
         ghost = not body.colliders and body.rigid != WORLD and not any(b.colliders for b in asset.moving[body.rigid])
-        if not body.visuals or not (ghost or checks.airs(body) > BOUNDS.air):
+        if not body.visuals or not (ghost or checks.air_fraction(body) > BOUNDS.air):
             continue
         seen, best = merge(body.visuals), (np.inf, list[Mesh]())
         for count in HULLS:
             pieces = vhacd(seen, count, RESOLUTION, VERTICES)
-            share = checks.airs(replace(body, colliders=tuple(pieces)))
-            best = min(best, (share, pieces), key=lambda each: each[0])
-            if share <= BOUNDS.air:
+            fraction = checks.air_fraction(replace(body, colliders=tuple(pieces)))
+            best = min(best, (fraction, pieces), key=lambda each: each[0])
+            if fraction <= BOUNDS.air:
                 break
-        if best[1] and (ghost or best[0] < checks.airs(body)):
+        if best[1] and (ghost or best[0] < checks.air_fraction(body)):
             edits.colliders[name] = best[1]
             edits.notes.append(f"{name}: {len(best[1])} hulls of what is seen")
 
@@ -287,6 +292,8 @@ def _write_urdf(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
                 ElementTree.SubElement(geometry, "mesh", filename=_hull_file(folder, name, k, mesh))
     for joint in robot.findall("joint"):
         name = str(joint.get("name"))
+        if name in edits.endless:
+            joint.set("type", "continuous")
         if name in edits.damping:
             dynamics = joint.find("dynamics")
             dynamics = ElementTree.SubElement(joint, "dynamics") if dynamics is None else dynamics
@@ -424,12 +431,12 @@ def _override(stage: Usd.Stage, asset: Asset, edits: Edits) -> None:
         joint.CreateUpperLimitAttr(high)
 
 
-def same_look(one: Asset, other: Asset) -> bool:
+def same_visuals(one: Asset, other: Asset) -> bool:
     """Return whether two assets look and are jointed alike: the surfaces of each body, and the axes of each joint."""
     if one.bodies.keys() != other.bodies.keys() or one.joints.keys() != other.joints.keys():
         return False
     for name, body in one.bodies.items():
-        seen, again = (_look(each) for each in (body, other.bodies[name]))
+        seen, again = (_seen(each) for each in (body, other.bodies[name]))
         if body.visuals and (seen.shape != again.shape or np.abs(seen - again).max(initial=0.0) > 1e-5):
             return False
         if np.abs(body.pose - other.bodies[name].pose).max() > 1e-5:
@@ -441,7 +448,7 @@ def same_look(one: Asset, other: Asset) -> bool:
     )
 
 
-def _look(body: AssetBody) -> np.ndarray:
+def _seen(body: AssetBody) -> np.ndarray:
     points = [mesh.vertices for mesh in body.visuals]
     return np.concatenate(points) if points else np.zeros((0, 3))
 

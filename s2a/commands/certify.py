@@ -97,19 +97,19 @@ def _asset(config: Config) -> str:
     refuse_loss(config.out, RECORD, [config.asset])
     first, subject = certify_asset(config.asset)
     results = [replace(first, target="as given")]
-    shown = {"as given": pictures(asset_images(subject.asset, config.camera))}
+    shown = {"as given": captioned(asset_images(subject.asset, config.camera))}
     if config.repair is not None:
         edits = repair.plan(subject, first, trimmed, split)
         with atomic_write(config.repair, earlier=config.asset.name) as folder:
             folder.mkdir()
             repair.write(subject.asset, edits, folder, config.repair)
         again, other = certify_asset(config.repair / config.asset.name)
-        same = repair.same_look(subject.asset, other.asset)
+        same = repair.same_visuals(subject.asset, other.asset)
         look = no_problems(
-            "same_look", [] if same else [("", "it looks other, or moves about other axes")], "report it"
+            "same_visuals", [] if same else [("", "it looks other, or moves about other axes")], "report it"
         )
         results.append(replace(again, target="repaired", checks=(*again.checks, look, *repair.described(edits))))
-        shown["repaired"] = pictures(asset_images(other.asset, config.camera))
+        shown["repaired"] = captioned(asset_images(other.asset, config.camera))
     with atomic_write(config.out, earlier=RECORD) as out:
         out.mkdir()
         _write_reports(out, results, config.asset, shown)
@@ -133,12 +133,12 @@ def _write(config: Config, stage: Path) -> list[ValidationReport]:
     with atomic_write(config.out, earlier=RECORD) as out:
         results = certify(stage, config.certify, config.part, config.robot.name)
         out.mkdir()
-        shown = {c.target: pictures(images(stage, c.target, config.camera)) for c in results if _readable(c)}
+        shown = {c.target: captioned(images(stage, c.target, config.camera)) for c in results if _readable(c)}
         _write_reports(out, results, stage, shown)
     return results
 
 
-def pictures(images: Mapping[str, np.ndarray]) -> list[tuple[str, bytes]]:
+def captioned(images: Mapping[str, np.ndarray]) -> list[tuple[str, bytes]]:
     """Return images by their captions as captions and PNG files."""
     return [(caption, png(image)) for caption, image in images.items()]
 

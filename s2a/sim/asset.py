@@ -39,7 +39,10 @@ WORLD = "world"  # Name of what does not move
 CHAIN = 3  # Moving joints in series from which on a file without motors is of a robot, whose joints are driven
 MAX_STL = 200_000  # Faces of an STL file that MuJoCo reads
 MAX_MESH_BYTES, MAX_BYTES = 500_000_000, 50_000_000
-LEAST = (1e-6, 1e-10)  # [kg], [kg m^2] What a body gets that has no mass or no inertia, so that all else can be asked
+MIN_MASS = (
+    1e-6,
+    1e-10,
+)  # [kg], [kg m^2] What a body gets that has no mass or no inertia, so that all else can be asked
 HINGE, SLIDE, FREE = (
     int(each) for each in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
 )
@@ -89,7 +92,7 @@ class Asset:
         joints: hinges and slides that move, by name.
         models: MuJoCo's model of it by the engine that read the file.
         grounds: the same over ground, DROP below what is free and has no planes of its own.
-        problems: what an engine says of a file that it cannot read, or reads only where its faults are mended.
+        problems: what an engine says of a file that it cannot read, or reads only where its faults are corrected.
         free: whether its first body falls where nothing holds it.
         swapped: joints whose lower limit is above the upper one.
         unsound: bodies whose stated moments of inertia no body has.
@@ -179,7 +182,7 @@ def read(path: Path) -> Asset:
     """
     kind = recognise(path)
     with temporary_folder() as folder, wp.ScopedDevice("cpu"), quiet():
-        source = _resolved(path, folder) if kind == "URDF" else path
+        source, swapped = _resolved(path, folder) if kind == "URDF" else (path, ())
         free = _falls(xml(path), kind) if kind != "USD" else False
         builder, problem = _newton(source, kind, free)
         problems = {"Newton": problem} if problem else {}
@@ -190,10 +193,10 @@ def read(path: Path) -> Asset:
                 problems["Newton"] = text
             else:
                 specs["Newton"], models["Newton"] = spec, spec.compile()
-        swapped: tuple[str, ...] = ()
         if kind != "USD":
             try:
-                spec, swapped = _spec(source, path, free)
+                spec, more = _spec(source, path, free)
+                swapped += more
                 models["MuJoCo"], problem = _compiled(spec, path)
             except InputError as error:
                 if not models:
@@ -207,6 +210,8 @@ def read(path: Path) -> Asset:
             raise InputError(f"{path}: Newton cannot read this USD: {problems['Newton']}; correct the file")
         model = models.get("MuJoCo") or models["Newton"]
         asset = replace(_extracted(path, kind, model, problems), swapped=swapped)
+        if not any(body.visuals or body.colliders or body.mass for body in asset.bodies.values()):
+            raise InputError(f"{path}: holds no body; give a URDF, MJCF or USD of an object or a room")
         if "MuJoCo" in specs:
             asset = replace(asset, unsound=tuple(b.name for b in specs["MuJoCo"].bodies if b.name and not _sound(b)))
         grounds = {engine: _grounded(specs[engine], each) for engine, each in models.items()}
@@ -250,9 +255,25 @@ def mesh_file(folder: Path, name: str) -> Path:
     raise InputError(f"{folder}: no mesh {name!r}, which the asset names; put it there")
 
 
-def _resolved(path: Path, folder: Path) -> Path:
-    """Write a URDF whose meshes MuJoCo finds and reads, with what MuJoCo has to be asked for; return its path."""
-    robot = xml(path)
+def _resolved(path: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """Write a URDF whose meshes MuJoCo finds and reads, with what MuJoCo has to be asked for, and limits in order.
+
+    Returns:
+        Its path, and the joints whose limits were not in order, which MuJoCo would take for endless ones.
+    """
+    robot, swapped = xml(path), []
+    for joint in robot.findall("joint"):
+        name, limit = str(joint.get("name")), joint.find("limit")
+        ends = ("0", "0") if limit is None else (limit.get("lower", "0"), limit.get("upper", "0"))
+        try:
+            low, high = map(float, ends)
+        except ValueError as error:
+            raise InputError(
+                f"{path}: joint {name!r} has the limits {ends[0]!r} and {ends[1]!r}; give numbers"
+            ) from error
+        if limit is not None and low > high:
+            limit.attrib |= {"lower": ends[1], "upper": ends[0]}
+            swapped.append(name)
     for k, shape in enumerate(robot.iter("mesh")):
         file = mesh_file(path.parent, str(shape.get("filename")))
         if file.stat().st_size > MAX_MESH_BYTES:
@@ -267,7 +288,7 @@ def _resolved(path: Path, folder: Path) -> Path:
     ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler", asked)
     target = folder / f"{RESOLVED}.urdf"
     ElementTree.ElementTree(robot).write(target)
-    return target
+    return target, tuple(swapped)
 
 
 def _readable(file: Path, target: Path) -> Path:
@@ -300,7 +321,9 @@ def _falls(root: ElementTree.Element, kind: str) -> bool:
     ends = [joint.find("child") for joint in root.findall("joint")]
     children = {str(end.get("link")) for end in ends if end is not None}
     roots = [link for link in root.findall("link") if link.get("name") not in children]
-    return bool(roots) and roots[0].find("inertial/mass") is not None and roots[0].find("collision") is not None
+    mass = roots[0].find("inertial/mass") if roots else None
+    # Bullet's models say by a mass of 0 that a link is fixed
+    return mass is not None and mass.get("value") not in ("0", "0.0", ".0") and roots[0].find("collision") is not None
 
 
 def _newton(source: Path, kind: str, free: bool) -> tuple[newton.ModelBuilder | None, str]:
@@ -366,13 +389,13 @@ def _sound(body: mujoco.MjsBody) -> bool:
 
 
 def _compiled(spec: mujoco.MjSpec, path: Path) -> tuple[mujoco.MjModel, str]:
-    """Return the compiled model, and why MuJoCo compiles it only with masses and inertias that are mended."""
+    """Return the compiled model, and why MuJoCo compiles it only with masses and inertias that are corrected."""
     try:
         return spec.compile(), ""
     except ValueError as error:
         problem = _line(error)
     spec.compiler.balanceinertia = True
-    spec.compiler.boundmass, spec.compiler.boundinertia = LEAST
+    spec.compiler.boundmass, spec.compiler.boundinertia = MIN_MASS
     try:
         return spec.compile(), problem
     except ValueError as error:

@@ -93,7 +93,7 @@ class Asset:
         models: MuJoCo's model of it by the engine that read the file.
         grounds: the same over ground, DROP below what is free and has no planes of its own.
         problems: what an engine says of a file that it cannot read, or reads only where its faults are corrected.
-        free: whether its first body falls where nothing holds it.
+        free: its first body falls, for nothing holds it.
         swapped: joints whose lower limit is above the upper one.
         unsound: bodies whose stated moments of inertia no body has.
         hidden: pairs of bodies that the file excludes from contacts.

@@ -154,7 +154,7 @@ def summary(rows: list[dict]) -> dict:
         "read": sum("format" in row for row in rows),
         "passed": sum(row.get("passed", False) for row in rows),
         "failing": len(failing),
-        "repaired": sum(row.get("repaired", False) and row["same_visuals"] for row in failing),
+        "repaired": sum(row.get("repaired", False) and row.get("same_visuals", False) for row in failing),
         "same_visuals": sum(row.get("same_visuals", False) for row in failing),
     }
 

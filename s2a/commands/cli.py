@@ -106,15 +106,18 @@ def _is_out_of_memory(error: BaseException) -> bool:
 
 
 def _give_a_home() -> None:
-    """Give a user whom nobody knows, as in a container, a home for caches: libraries would make a folder called ~."""
-    try:
-        Path.home()
-    except RuntimeError:
-        home = Path(tempfile.gettempdir(), f"s2a-{os.getuid()}")
-        with contextlib.suppress(OSError):  # then they cannot keep anything, and say so
-            home.mkdir(mode=0o700, exist_ok=True)
-        os.environ |= {"HOME": str(home), "USER": os.environ.get("USER", str(os.getuid()))}
-        progress.report(f"warning: there is no home directory; caches go to {home}: set HOME to keep them")
+    """Give a user who has no home that can be written, as in a container, one for caches: libraries would fail without."""
+    with contextlib.suppress(RuntimeError):  # nobody knows the user
+        caches = Path.home() / ".cache"
+        if os.access(next(path for path in (caches, *caches.parents) if path.exists()), os.W_OK):
+            return
+    if {"S2A_CACHE", "WARP_CACHE_PATH", "HOME"} <= os.environ.keys():
+        return
+    home = Path(tempfile.gettempdir(), f"s2a-{os.getuid()}")
+    with contextlib.suppress(OSError):  # then they cannot keep anything, and say so
+        home.mkdir(mode=0o700, exist_ok=True)
+    os.environ |= {"HOME": str(home), "USER": os.environ.get("USER", str(os.getuid()))}
+    progress.report(f"warning: there is no writable home directory; caches go to {home}: set HOME to keep them")
 
 
 def run(command: str, values: dict[str, Any]) -> None:

@@ -122,10 +122,10 @@ def measured(path: Path, work: Path) -> dict:
         return row
     start, home = time.perf_counter(), work / path.stem
     edits = repair.plan(subject, first, trimmed, split)
-    with atomic_write(home, earlier=path.name) as folder:
-        folder.mkdir()
-        repair.write(asset, edits, folder, home)
     try:
+        with atomic_write(home, earlier=path.name) as folder:
+            folder.mkdir()
+            repair.write(asset, edits, folder, home)
         again, other = certify_asset(home / path.name)
     except InputError as error:
         return {**row, "error": str(error), "repaired": False}

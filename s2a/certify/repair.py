@@ -19,6 +19,7 @@ from s2a.certify import asset as checks
 from s2a.certify.asset import BOUNDS, AssetSubject
 from s2a.certify.convert.links import write_hull
 from s2a.core.check import Check, ValidationReport
+from s2a.core.errors import InputError
 from s2a.scene.geometry.convex import overlap, vhacd
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Joint, Mesh
@@ -252,7 +253,12 @@ def write(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
         edits: what changes.
         folder: the folder.
         home: where the folder will be: from there the file names the original's meshes.
+
+    Raises:
+        InputError: an MJCF that MuJoCo cannot read.
     """
+    if asset.kind == "MJCF" and "MuJoCo" not in asset.models:
+        raise InputError(f"{asset.path}: cannot be repaired before MuJoCo reads it: {asset.problems['MuJoCo']}")
     (folder / HULL_FOLDER).mkdir()
     {"URDF": _write_urdf, "MJCF": _write_mjcf, "USD": _write_usd}[asset.kind](asset, edits, folder, home.absolute())
 

@@ -11,30 +11,8 @@ from typing import Any
 import numpy as np
 
 from s2a.core.errors import InputError
+from s2a.scan import recording_files as raw
 from s2a.scan.recording import FrameImage, Intrinsics, PosedFrame, RgbdRecording
-from s2a.scan.recording_files import (
-    POSE_TIME,
-    checked_pose,
-    file_at,
-    first_file,
-    frame_number,
-    image_size,
-    opened_image,
-    parsed_json,
-    pose_of_quaternion,
-    read_array,
-    read_camera,
-    read_image,
-    read_json,
-    read_matrix,
-    read_pincam,
-    read_pose,
-    read_table,
-    require_images,
-    rotation_of_vector,
-    time_in_name,
-    turned_poses,
-)
 
 MIN_FRAMES = 2  # Frames below which nothing is fused
 # Depth camera of 7-Scenes, which states it on its page and says there that depth is not registered to colour
@@ -113,32 +91,32 @@ def _seven_scenes(folder: Path) -> RgbdRecording:
     """
     depths = sorted(folder.glob("frame-*.depth.png"))
     stems = [path.name.removesuffix(".depth.png") for path in depths]
-    poses = [read_pose(folder / f"{stem}.pose.txt") for stem in stems]
-    colors = [first_file(folder / f"{stem}.color.jpg", folder / f"{stem}.color.png") for stem in stems]
+    poses = [raw.read_pose(folder / f"{stem}.pose.txt") for stem in stems]
+    colors = [raw.first_file(folder / f"{stem}.color.jpg", folder / f"{stem}.color.png") for stem in stems]
     file = folder / "camera-intrinsics.txt"
-    camera = read_camera(file) if file.is_file() else KINECT
+    camera = raw.read_camera(file) if file.is_file() else KINECT
     recording = _recording("7-Scenes", depths, colors, poses, [camera] * len(depths), [camera] * len(depths))
-    if np.allclose(astuple(camera), astuple(KINECT)) and recording.frames and image_size(depths[0]) == (640, 480):
+    if np.allclose(astuple(camera), astuple(KINECT)) and recording.frames and raw.image_size(depths[0]) == (640, 480):
         return _with_color(recording, KINECT_COLOR, KINECT_OFFSET)
     return recording
 
 
 def _scannet(folder: Path) -> RgbdRecording:
     """Read frames as ScanNet's SensReader exports them: depth in mm, poses of minus infinity where tracking was lost."""
-    depths = sorted(folder.glob("depth/*.png"), key=lambda path: frame_number(path.stem))
-    poses = [read_pose(folder / "pose" / f"{path.stem}.txt") for path in depths]
+    depths = sorted(folder.glob("depth/*.png"), key=lambda path: raw.frame_number(path.stem))
+    poses = [raw.read_pose(folder / "pose" / f"{path.stem}.txt") for path in depths]
     colors = [
-        first_file(folder / "color" / f"{path.stem}.jpg", folder / "color" / f"{path.stem}.png") for path in depths
+        raw.first_file(folder / "color" / f"{path.stem}.jpg", folder / "color" / f"{path.stem}.png") for path in depths
     ]
-    camera = read_camera(folder / "intrinsic" / "intrinsic_depth.txt")
+    camera = raw.read_camera(folder / "intrinsic" / "intrinsic_depth.txt")
     file = folder / "intrinsic" / "intrinsic_color.txt"
-    color_camera = read_camera(file) if file.is_file() else camera
+    color_camera = raw.read_camera(file) if file.is_file() else camera
     count = len(depths)
     recording = _recording("ScanNet", depths, colors, poses, [camera] * count, [color_camera] * count)
     # Of each camera in the rig, which is the depth camera's: a scene's .txt calls the colour camera's colorToDepthExtrinsics.
     moves = [folder / "intrinsic" / f"extrinsic_{name}.txt" for name in ("depth", "color")]
     if all(move.is_file() for move in moves):
-        depth_move, color_move = (checked_pose(read_matrix(move, (4, 4)), move) for move in moves)
+        depth_move, color_move = (raw.checked_pose(raw.read_matrix(move, (4, 4)), move) for move in moves)
         if depth_move is not None and color_move is not None and not np.allclose(depth_move, color_move, atol=1e-6):
             return replace(recording, color_from_depth=np.linalg.inv(color_move) @ depth_move)
     return recording
@@ -150,28 +128,28 @@ def _nerfstudio(folder: Path) -> RgbdRecording:
     The format is that of nerfstudio's data conventions: the first pixel's centre is (0.5, 0.5).
     """
     path = folder / "transforms.json"
-    data = read_json(path)
+    data = raw.read_json(path)
     try:
         frames = data["frames"]
         sizes = [(float({**data, **frame}["w"]), float({**data, **frame}["h"])) for frame in frames]
         cameras = [
             Intrinsics(*(float({**data, **frame}[key]) - shift for key, shift in _NERF_KEYS)) for frame in frames
         ]
-        poses = [checked_pose(np.array(frame["transform_matrix"], dtype=float), path) for frame in frames]
+        poses = [raw.checked_pose(np.array(frame["transform_matrix"], dtype=float), path) for frame in frames]
         depths = [folder / frame["depth_file_path"] for frame in frames]
-        colors = [first_file(folder / frame["file_path"]) for frame in frames]
+        colors = [raw.first_file(folder / frame["file_path"]) for frame in frames]
         bent = max(abs(float({**data, **frame}.get(key, 0) or 0)) for frame in frames for key in _NERF_DISTORTION)
         model, scale = str(data.get("camera_model", "OPENCV")), float(data.get("depth_unit_scale_factor", 0.001))
     except (ValueError, KeyError, TypeError) as error:
         reason = " ".join(f"{type(error).__name__} {error}".split())[:120]
         raise InputError(f"{path}: damaged or without depth ({reason}); export it with depth images") from error
-    require_images(depths, path)
+    raw.require_images(depths, path)
     if bent > 1e-3 or "FISHEYE" in model:
         raise InputError(f"{path}: the lens is distorted ({model}, coefficient {bent:.3g}); undistort the images first")
     depth_cameras = [
-        camera.scaled(size, image_size(depth)) for camera, size, depth in zip(cameras, sizes, depths, strict=True)
+        camera.scaled(size, raw.image_size(depth)) for camera, size, depth in zip(cameras, sizes, depths, strict=True)
     ]
-    return _recording("nerfstudio", depths, colors, turned_poses(poses), depth_cameras, cameras, metres=scale)
+    return _recording("nerfstudio", depths, colors, raw.turned_poses(poses), depth_cameras, cameras, metres=scale)
 
 
 _NERF_KEYS = (("fl_x", 0.0), ("fl_y", 0.0), ("cx", 0.5), ("cy", 0.5))
@@ -184,7 +162,7 @@ def _arkitscenes(folder: Path) -> RgbdRecording:
     Colour is that of vga_wide where it was downloaded, else lowres_wide. The world is z up.
     """
     path = next(iter([*folder.glob("lowres_wide.traj"), *folder.glob("*.traj")]), folder / "lowres_wide.traj")
-    rows = read_table(path, 7)
+    rows = raw.read_table(path, 7)
     times = rows[:, 0]
     files: dict[str, list[tuple[float, Path]]] = {}
     for name in (
@@ -195,26 +173,28 @@ def _arkitscenes(folder: Path) -> RgbdRecording:
         "vga_wide_intrinsics",
         "lowres_wide_intrinsics",
     ):
-        files[name] = sorted((time_in_name(file), file) for file in (folder / name).glob("[!.]*_*.*"))
+        files[name] = sorted((raw.time_in_name(file), file) for file in (folder / name).glob("[!.]*_*.*"))
     wide = "vga_wide" if files["vga_wide"] and files["vga_wide_intrinsics"] else "lowres_wide"
     depths, colors, sure, poses, depth_cameras, color_cameras = [], [], [], [], [], []
     for time, depth in files["lowres_depth"]:
         index = int(np.argmin(np.abs(times - time)))
-        lens = file_at(files["lowres_wide_intrinsics"], time) or file_at(files[f"{wide}_intrinsics"], time)
-        color, color_lens = file_at(files[wide], time), file_at(files[f"{wide}_intrinsics"], time)
+        lens = raw.file_at(files["lowres_wide_intrinsics"], time) or raw.file_at(files[f"{wide}_intrinsics"], time)
+        color, color_lens = raw.file_at(files[wide], time), raw.file_at(files[f"{wide}_intrinsics"], time)
         if lens is None:
             raise InputError(
                 f"{depth}: no camera of this time in {folder.name}/lowres_wide_intrinsics; download it, too"
             )
-        size, camera = read_pincam(lens)
+        size, camera = raw.read_pincam(lens)
         depths.append(depth)
         colors.append(color if color_lens else None)
-        sure.append(file_at(files["confidence"], time))
-        depth_cameras.append(camera.scaled(size, image_size(depth) if depths[1:] == [] else image_size(depths[0])))
-        color_cameras.append(read_pincam(color_lens)[1] if color_lens else camera)
+        sure.append(raw.file_at(files["confidence"], time))
+        depth_cameras.append(
+            camera.scaled(size, raw.image_size(depth) if depths[1:] == [] else raw.image_size(depths[0]))
+        )
+        color_cameras.append(raw.read_pincam(color_lens)[1] if color_lens else camera)
         pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = rotation_of_vector(rows[index, 1:4]), rows[index, 4:7]
-        poses.append(np.linalg.inv(pose) if abs(times[index] - time) < POSE_TIME else None)
+        pose[:3, :3], pose[:3, 3] = raw.rotation_of_vector(rows[index, 1:4]), rows[index, 4:7]
+        poses.append(np.linalg.inv(pose) if abs(times[index] - time) < raw.POSE_TIME else None)
     return _recording("ARKitScenes", depths, colors, poses, depth_cameras, color_cameras, sure, gravity="z")
 
 
@@ -229,20 +209,20 @@ def _stray(folder: Path) -> RgbdRecording:
         columns = [names.index(name) for name in ("frame", "x", "y", "z", "qx", "qy", "qz", "qw")]
     except (ValueError, IndexError, OSError) as error:
         raise InputError(f"{path}: its first line names no frame, x, y, z, qx, qy, qz, qw ({error})") from error
-    rows = read_table(path, len(names), ",", 1)[:, columns]
+    rows = raw.read_table(path, len(names), ",", 1)[:, columns]
     numbers = rows[:, 0].astype(int)
     depths = [
-        first_file(folder / "depth" / f"{number:06d}.png", folder / "depth" / f"{number:06d}.npy")
+        raw.first_file(folder / "depth" / f"{number:06d}.png", folder / "depth" / f"{number:06d}.npy")
         or folder / "depth" / f"{number:06d}.png"
         for number in numbers
     ]
-    require_images(depths, path)
-    camera = read_camera(folder / "camera_matrix.csv", ",")
+    raw.require_images(depths, path)
+    camera = raw.read_camera(folder / "camera_matrix.csv", ",")
     video = _Video(folder / "rgb.mp4")
-    depth_camera = camera.scaled(video.size, image_size(depths[0]))
+    depth_camera = camera.scaled(video.size, raw.image_size(depths[0]))
     colors = [FrameImage(f"{video.path} frame {number}", partial(video.image, int(number))) for number in numbers]
-    sure = [first_file(folder / "confidence" / f"{number:06d}.png") for number in numbers]
-    poses = [pose_of_quaternion(row[4:8], row[1:4], path) for row in rows]
+    sure = [raw.first_file(folder / "confidence" / f"{number:06d}.png") for number in numbers]
+    poses = [raw.pose_of_quaternion(row[4:8], row[1:4], path) for row in rows]
     count = len(numbers)
     recording = _recording(
         "Stray Scanner", depths, colors, poses, [depth_camera] * count, [camera] * count, sure, gravity="y"
@@ -259,7 +239,7 @@ def _polycam(folder: Path) -> RgbdRecording:
     root = folder / "keyframes"
     corrected = (root / "corrected_cameras").is_dir() and (root / "corrected_images").is_dir()
     prefix = "corrected_" if corrected else ""
-    depths = sorted((root / "depth").glob("[!.]*.png"), key=lambda path: frame_number(path.stem))
+    depths = sorted((root / "depth").glob("[!.]*.png"), key=lambda path: raw.frame_number(path.stem))
     poses: list[np.ndarray | None] = []
     colors, cameras, depth_cameras, sure = [], [], [], []
     for depth in depths:
@@ -269,20 +249,20 @@ def _polycam(folder: Path) -> RgbdRecording:
             cameras.append(KINECT)
             depth_cameras.append(KINECT)
         else:
-            data = read_json(path)
+            data = raw.read_json(path)
             try:
                 rows = [[float(data[f"t_{row}{column}"]) for column in range(4)] for row in range(3)]
                 camera = Intrinsics(*(float(data[key]) for key in ("fx", "fy", "cx", "cy")))
                 size = float(data["width"]), float(data["height"])
             except (KeyError, TypeError, ValueError) as error:
                 raise InputError(f"{path}: is not a camera of Polycam ({type(error).__name__} {error})") from error
-            poses.append(checked_pose(np.array([*rows, [0, 0, 0, 1]]), path))
+            poses.append(raw.checked_pose(np.array([*rows, [0, 0, 0, 1]]), path))
             cameras.append(camera)
-            depth_cameras.append(camera.scaled(size, image_size(depths[0])))
+            depth_cameras.append(camera.scaled(size, raw.image_size(depths[0])))
         images = root / f"{prefix}images"
-        colors.append(first_file(images / f"{depth.stem}.jpg", images / f"{depth.stem}.png"))
-        sure.append(first_file(root / "confidence" / depth.name))
-    return _recording("Polycam", depths, colors, turned_poses(poses), depth_cameras, cameras, sure, gravity="y")
+        colors.append(raw.first_file(images / f"{depth.stem}.jpg", images / f"{depth.stem}.png"))
+        sure.append(raw.first_file(root / "confidence" / depth.name))
+    return _recording("Polycam", depths, colors, raw.turned_poses(poses), depth_cameras, cameras, sure, gravity="y")
 
 
 def _record3d_file(path: Path) -> RgbdRecording:
@@ -290,7 +270,7 @@ def _record3d_file(path: Path) -> RgbdRecording:
     try:
         archive = zipfile.ZipFile(path)
         names = set(archive.namelist())
-        data = parsed_json(archive.read("metadata"), path)
+        data = raw.parsed_json(archive.read("metadata"), path)
     except (zipfile.BadZipFile, KeyError, OSError) as error:
         raise InputError(f"{path}: damaged or no recording of Record3D ({str(error)[:80]})") from error
     return _record3d_frames(path, data, names, archive.read)
@@ -300,7 +280,7 @@ def _record3d(folder: Path) -> RgbdRecording:
     """Read what a .r3d file was unpacked to."""
     path = next(folder / name for name in ("metadata", "metadata.json") if (folder / name).is_file())
     names = {str(file.relative_to(folder)) for name in ("rgbd", "rgb", "depth") for file in (folder / name).glob("*")}
-    return _record3d_frames(folder, read_json(path), names, lambda name: (folder / name).read_bytes())
+    return _record3d_frames(folder, raw.read_json(path), names, lambda name: (folder / name).read_bytes())
 
 
 def _record3d_frames(
@@ -329,7 +309,7 @@ def _record3d_frames(
         raise InputError(
             f"{path}: {count} depth images, {len(poses)} poses and {len(cameras)} cameras; their numbers must be equal"
         )
-    moves = [pose_of_quaternion(row[:4], row[4:], path) for row in poses]
+    moves = [raw.pose_of_quaternion(row[:4], row[4:], path) for row in poses]
 
     def packed(index: int, ending: str, dtype: str) -> FrameImage | None:
         name = f"rgbd/{index}.{ending}"
@@ -339,7 +319,7 @@ def _record3d_frames(
     def color(index: int) -> FrameImage | None:
         name = f"rgbd/{index}.jpg"
         return (
-            FrameImage(f"{path}/{name}", lambda: opened_image(io.BytesIO(read(name)), f"{path}/{name}"))
+            FrameImage(f"{path}/{name}", lambda: raw.opened_image(io.BytesIO(read(name)), f"{path}/{name}"))
             if name in there
             else None
         )
@@ -350,7 +330,7 @@ def _record3d_frames(
     sure = [packed(index, "conf", "u1") for index in range(count)]
     depth_cameras = [each.scaled(size, (shape[1], shape[0])) for each in cameras]
     colors = [color(index) for index in range(count)]
-    return _recording("Record3D", depths, colors, turned_poses(moves), depth_cameras, cameras, sure, gravity="y")
+    return _recording("Record3D", depths, colors, raw.turned_poses(moves), depth_cameras, cameras, sure, gravity="y")
 
 
 def _lzfse(data: bytes, shape: tuple[int, int], dtype: str, name: str) -> np.ndarray:
@@ -465,6 +445,8 @@ def _is_of(camera: Intrinsics, shape: tuple[int, ...]) -> bool:
 def _picture(source: Path | FrameImage | None) -> FrameImage | None:
     if isinstance(source, Path):
         return FrameImage(
-            str(source), partial(read_array, source) if source.suffix == ".npy" else partial(read_image, source), source
+            str(source),
+            partial(raw.read_array, source) if source.suffix == ".npy" else partial(raw.read_image, source),
+            source,
         )
     return source

@@ -6,17 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from s2a.scene.geometry import mesh_ops as ops
 from s2a.scene.geometry.convex import box, contains, subtract
-from s2a.scene.geometry.mesh_ops import (
-    centroids,
-    extents,
-    keep,
-    merge,
-    normals,
-    sample,
-    sample_with_faces,
-    weighted_quantile,
-)
 from s2a.scene.geometry.planes import fit_plane, min_area_rectangle, plane_axes
 from s2a.scene.scene import Mesh
 
@@ -70,7 +61,7 @@ def patch(handle: Mesh, front: Mesh, frame: np.ndarray, plane: tuple[np.ndarray,
     """
     frame = facing_frame(frame, plane[0])
     low, high = np.quantile(handle.vertices @ frame[:, :2], [0.01, 0.99], axis=0)
-    beside = centroids(front)
+    beside = ops.centroids(front)
     beside = beside[(np.abs(beside @ plane[0] - plane[1]) < STRAY) & near_region(beside, handle, frame, SEARCH_RADIUS)]
     across = beside @ frame[:, :2]
     low = low - STRAY * (across < low - STRAY).any(axis=0)
@@ -81,8 +72,8 @@ def patch(handle: Mesh, front: Mesh, frame: np.ndarray, plane: tuple[np.ndarray,
 
 def _facing(mesh: Mesh, outwards: np.ndarray) -> np.ndarray:
     """Return points on the faces that look outwards [m], shape [point 3], evenly spread by area."""
-    points, faces = sample_with_faces(mesh, SAMPLES, seed=0)
-    return points[normals(mesh)[faces] @ outwards > 0.7]
+    points, faces = ops.sample_with_faces(mesh, SAMPLES, seed=0)
+    return points[ops.normals(mesh)[faces] @ outwards > 0.7]
 
 
 def _middle_plane(points: np.ndarray, outwards: np.ndarray) -> tuple[np.ndarray, float]:
@@ -131,18 +122,18 @@ def reassign_border(front: Mesh, region: Mesh, frame: np.ndarray, plane: tuple[n
         The front without what stands out of it close to the handle, and the handle with that and without what is front.
     """
     normal, offset = plane
-    out = centroids(front) @ normal - offset
-    stray = near_region(centroids(front), region, frame, SEARCH_RADIUS / 2) & (out > STRAY)
-    strays = keep(front, stray)
-    handle_out = centroids(region) @ normal - offset
+    out = ops.centroids(front) @ normal - offset
+    stray = near_region(ops.centroids(front), region, frame, SEARCH_RADIUS / 2) & (out > STRAY)
+    strays = ops.keep(front, stray)
+    handle_out = ops.centroids(region) @ normal - offset
     own = handle_out > FLUSH
     if region.face_areas[own].sum() < 0.5 * region.face_areas.sum():
         return front, region  # a recessed cup lies behind its front's plane
-    handle = keep(region, own)
+    handle = ops.keep(region, own)
     if len(strays.faces):
-        reach = cKDTree(handle.vertices).query(centroids(strays))[0] < 2 * STRAY
-        handle = merge([handle, keep(strays, reach)])
-    return keep(front, ~stray), handle
+        reach = cKDTree(handle.vertices).query(ops.centroids(strays))[0] < 2 * STRAY
+        handle = ops.merge([handle, ops.keep(strays, reach)])
+    return ops.keep(front, ~stray), handle
 
 
 SHALLOWEST = 0.006  # [m] Pockets that are not so deep give no hold: a fingertip's edge is rounded, and scans are noisy
@@ -175,19 +166,19 @@ def find_pocket(region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float]
     """
     normal, offset = plane
     frame = facing_frame(frame, normal)
-    middle, areas = centroids(region), region.face_areas
+    middle, areas = ops.centroids(region), region.face_areas
     behind = offset - middle @ normal
     if areas[behind > FLUSH].sum() < 0.5 * areas.sum():
         return None
-    floor = (behind > FLUSH) & (normals(region) @ normal > FACING)
+    floor = (behind > FLUSH) & (ops.normals(region) @ normal > FACING)
     if areas[floor].sum() < 0.25 * areas.sum():
         return None
-    depth = weighted_quantile(behind[floor], areas[floor], 0.5)
+    depth = ops.weighted_quantile(behind[floor], areas[floor], 0.5)
     if depth < SHALLOWEST:
         return None
     # A scan's walls lean: half-way down they stand where the true ones do.
     deep = offset - region.vertices @ normal > 0.5 * depth
-    low, high = extents(keep(region, deep[region.faces].all(axis=1)), frame[:, :2])
+    low, high = ops.extents(ops.keep(region, deep[region.faces].all(axis=1)), frame[:, :2])
     center = frame[:, :2] @ (low + high) / 2 + normal * offset
     return Pocket(frame, center, high - low, depth)
 
@@ -234,7 +225,7 @@ def finger_space(region: Mesh, point: np.ndarray, frame: np.ndarray, front: floa
         frame: grasp frame's axes as columns [3 3]: x along the region, y across, z into the furniture.
         front: coordinate along z of the front's surface behind the region [m].
     """
-    local = sample(region, GAP_SAMPLES, seed=0) @ frame
+    local = ops.sample(region, GAP_SAMPLES, seed=0) @ frame
     middle = point @ frame
     here = local[np.abs(local[:, 0] - middle[0]) < FINGER_WIDTH / 2]
     if len(here) < 50:

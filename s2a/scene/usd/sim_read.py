@@ -8,19 +8,8 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from s2a.core.errors import InputError
 from s2a.scene.scene import Mesh, Vec3
+from s2a.scene.usd import sim_scene as rooms
 from s2a.scene.usd.joints import KINDS, is_body, joint_ends, read_joint, read_refinement, read_resistance
-from s2a.scene.usd.sim_scene import (
-    PREPARE_AGAIN,
-    Articulation,
-    Base,
-    Collider,
-    Grasp,
-    Mass,
-    Quat,
-    Reduction,
-    SimBody,
-    SimRoom,
-)
 from s2a.scene.usd.stage import ROOT, open_stage, read_attribute, read_mesh, where, xyzw
 
 FLAVOUR = "simready"
@@ -36,7 +25,7 @@ def open_physics(path: Path) -> Usd.Stage:
     return _checked(open_stage(path, payloads=False), path)
 
 
-def read(path: Path, *, visuals: bool = True) -> SimRoom:
+def read(path: Path, *, visuals: bool = True) -> rooms.SimRoom:
     """Read a simulation-ready file; equal to what was written.
 
     `visuals`: read the surfaces too; without them they are empty, and nothing but physics is loaded.
@@ -52,7 +41,7 @@ def read(path: Path, *, visuals: bool = True) -> SimRoom:
     visual = static.GetChild("visual")
     for part in (i for i in prims if _moves(joints.get(i))):
         _refuse_loose(part, joints, path)
-    return SimRoom(
+    return rooms.SimRoom(
         name=read_attribute(root, "name", str, ""),
         bodies={name: body for name, body in bodies.items() if name in joints},
         articulations={i: _articulation(prims[i], joints[i]) for i in prims if _moves(joints.get(i))},
@@ -71,7 +60,7 @@ def _checked(stage: Usd.Stage, path: Path) -> Usd.Stage:
     root = stage.GetDefaultPrim()
     require_flavour(root, path)
     if missing := [name for name in ("static", "joints") if not root.GetChild(name)]:
-        raise InputError(f"{path}: {ROOT}/{missing[0]} is missing; {PREPARE_AGAIN}")
+        raise InputError(f"{path}: {ROOT}/{missing[0]} is missing; {rooms.PREPARE_AGAIN}")
     return stage
 
 
@@ -85,11 +74,11 @@ def _moves(joint: Usd.Prim | None) -> bool:
     return joint is not None and joint.GetTypeName() in KINDS
 
 
-def _body(prim: Usd.Prim) -> SimBody:
+def _body(prim: Usd.Prim) -> rooms.SimBody:
     """Read a body, its points in its own frame."""
     api = UsdPhysics.MassAPI(prim)
     x, y, z, w = xyzw(api.GetPrincipalAxesAttr().Get() or Gf.Quatf(1.0))
-    mass = Mass(
+    mass = rooms.Mass(
         _required(api.GetMassAttr()),
         tuple(_required(api.GetCenterOfMassAttr())),
         tuple(_required(api.GetDiagonalInertiaAttr())),
@@ -97,7 +86,7 @@ def _body(prim: Usd.Prim) -> SimBody:
         read_attribute(prim, "massSource", str, ""),
     )
     position, orientation = _pose(prim)
-    return SimBody(
+    return rooms.SimBody(
         id=prim.GetName(),
         visual=_mesh(prim.GetChild("visual"), prim),
         colliders=_colliders(prim),
@@ -114,24 +103,26 @@ def _refuse_loose(part: str, joints: dict[str, Usd.Prim], path: Path) -> None:
     while _moves(joints.get(carriers[-1])):
         carriers.append(_parent(joints[carriers[-1]]))
         if carriers[-1] in carriers[:-1] or carriers[-1] not in joints:
-            raise InputError(f"{path}: {part!r} is jointed to {carriers[-1]!r}, which nothing fixes; {PREPARE_AGAIN}")
+            raise InputError(
+                f"{path}: {part!r} is jointed to {carriers[-1]!r}, which nothing fixes; {rooms.PREPARE_AGAIN}"
+            )
 
 
 def _parent(joint: Usd.Prim) -> str:
     """Return the id of the body that a joint hangs on."""
     parents = UsdPhysics.Joint(joint).GetBody0Rel().GetTargets()
     if len(parents) != 1:
-        raise InputError(f"{where(joint)} is jointed to {len(parents)} bodies, not on one; {PREPARE_AGAIN}")
+        raise InputError(f"{where(joint)} is jointed to {len(parents)} bodies, not on one; {rooms.PREPARE_AGAIN}")
     return parents[0].name
 
 
-def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
+def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> rooms.Articulation:
     """Read how a body moves and how it is grasped."""
     pairs = (
         UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel() if prim.HasAPI(UsdPhysics.FilteredPairsAPI) else None
     )
     moved = read_joint(joint)
-    return Articulation(
+    return rooms.Articulation(
         joint=moved,
         parent=_parent(joint),
         grasp=_grasp(prim),
@@ -144,27 +135,27 @@ def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
     )
 
 
-def _grasp(prim: Usd.Prim) -> Grasp:
+def _grasp(prim: Usd.Prim) -> rooms.Grasp:
     site, region = prim.GetChild("grasp"), prim.GetChild("region")
     size = read_attribute(site, "size", tuple) if site else None
     if size is None or not region:
-        raise InputError(f"{where(prim)} moves, but lacks a grasp with s2a:size and a region; {PREPARE_AGAIN}")
+        raise InputError(f"{where(prim)} moves, but lacks a grasp with s2a:size and a region; {rooms.PREPARE_AGAIN}")
     point, orientation = _pose(site)
-    return Grasp(point, orientation, size, read_mesh(region), read_attribute(site, "internal", bool, False))
+    return rooms.Grasp(point, orientation, size, read_mesh(region), read_attribute(site, "internal", bool, False))
 
 
-def _base(prim: Usd.Prim) -> tuple[str, Base]:
+def _base(prim: Usd.Prim) -> tuple[str, rooms.Base]:
     """Read the name of a robot, and where it stands."""
     position, orientation = _pose(prim)
     values = {"reason": str, "free": bool, "pedestal": float, "radius": float, "assumed_floor": bool}
     attributes = {name: read_attribute(prim, name, kind) for name, kind in values.items()}
     given = {name: value for name, value in attributes.items() if value is not None}
-    return read_attribute(prim, "robot", str, prim.GetName()), Base(position, orientation, **given)
+    return read_attribute(prim, "robot", str, prim.GetName()), rooms.Base(position, orientation, **given)
 
 
-def _colliders(prim: Usd.Prim) -> tuple[Collider, ...]:
+def _colliders(prim: Usd.Prim) -> tuple[rooms.Collider, ...]:
     return tuple(
-        Collider(read_attribute(p, "part", str, "?"), _mesh(p, prim), read_attribute(p, "structure", bool, False))
+        rooms.Collider(read_attribute(p, "part", str, "?"), _mesh(p, prim), read_attribute(p, "structure", bool, False))
         for p in _children(prim, "colliders")
         if p.HasAPI(UsdPhysics.CollisionAPI)
     )
@@ -192,11 +183,11 @@ def _face_part(visual: Usd.Prim | None) -> np.ndarray | None:
     return np.asarray(primvar.Get(), np.int32) if primvar and primvar.HasValue() else None
 
 
-def _reduction(prim: Usd.Prim, group: str) -> Reduction | None:
+def _reduction(prim: Usd.Prim, group: str) -> rooms.Reduction | None:
     """Return what decimation did to a group of surfaces, or None."""
     counts = {n: prim.GetAttribute(f"s2a:{group}:faces{n.capitalize()}").Get() for n in ("before", "after", "asked")}
     errors = {n: prim.GetAttribute(f"s2a:{group}:error{n.capitalize()}").Get() for n in ("mean", "p99", "max")}
-    return None if None in {**counts, **errors}.values() else Reduction(group, **counts, **errors)
+    return None if None in {**counts, **errors}.values() else rooms.Reduction(group, **counts, **errors)
 
 
 def _strings(prim: Usd.Prim, name: str) -> tuple[str, ...]:
@@ -211,11 +202,11 @@ def _children(prim: Usd.Prim, name: str) -> list[Usd.Prim]:
 def _required(attribute: Usd.Attribute) -> Any:
     value = attribute.Get()
     if value is None:
-        raise InputError(f"{where(attribute.GetPrim())} has no {attribute.GetName()}; {PREPARE_AGAIN}")
+        raise InputError(f"{where(attribute.GetPrim())} has no {attribute.GetName()}; {rooms.PREPARE_AGAIN}")
     return value
 
 
-def _pose(prim: Usd.Prim) -> tuple[Vec3, Quat]:
+def _pose(prim: Usd.Prim) -> tuple[Vec3, rooms.Quat]:
     """Return a prim's position [m] and orientation: exactly what was written, or what an editor's transforms come to."""
     ops = {op.GetOpName(): op.Get() for op in UsdGeom.Xformable(prim).GetOrderedXformOps()}
     matrix = UsdGeom.Xformable(prim).GetLocalTransformation()
@@ -246,7 +237,7 @@ def _check_numbers(prim: Usd.Prim) -> None:
         except (TypeError, ValueError):  # a text, or something else that is no number
             continue
         if np.isnan(numbers).any() and attribute.Get() is not None:
-            raise InputError(f"{where(prim)}: {attribute.GetName()} is not a number; {PREPARE_AGAIN}")
+            raise InputError(f"{where(prim)}: {attribute.GetName()} is not a number; {rooms.PREPARE_AGAIN}")
 
 
 def _check_joint(prim: Usd.Prim) -> None:
@@ -256,16 +247,16 @@ def _check_joint(prim: Usd.Prim) -> None:
     bodies = [stage.GetPrimAtPath(path) for path in (*moved, *against)]
     if len(moved) != 1 or len(against) > 1 or not all(map(is_body, bodies)):
         given = ", ".join(map(str, (*moved, *against))) or "nothing"
-        raise InputError(f"{where(prim)} joins {given}; expected rigid bodies of the stage: {PREPARE_AGAIN}")
+        raise InputError(f"{where(prim)} joins {given}; expected rigid bodies of the stage: {rooms.PREPARE_AGAIN}")
 
 
-def _check_body(body: SimBody, path: Path) -> None:
+def _check_body(body: rooms.SimBody, path: Path) -> None:
     """Raise if a body has no mass and inertia, or no hull with a volume."""
     mass, inertia = body.mass.mass, np.array(body.mass.inertia)
     if not 0.0 < mass < np.inf or not ((inertia > 0.0) & (inertia < np.inf)).all():
         given = ", ".join(f"{moment:g}" for moment in inertia)
         raise InputError(
-            f"{path}: {body.id} has mass {mass:g} kg and inertia {given}; expected numbers above 0: {PREPARE_AGAIN}"
+            f"{path}: {body.id} has mass {mass:g} kg and inertia {given}; expected numbers above 0: {rooms.PREPARE_AGAIN}"
         )
     _check_hulls([collider.mesh.vertices for collider in body.colliders], f"{path}: {body.id}")
 
@@ -274,4 +265,6 @@ def _check_hulls(hulls: list[np.ndarray], owner: str) -> None:
     """Raise if a hull has no volume."""
     for points in hulls:
         if len(points) < 4 or np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-9) < 3:
-            raise InputError(f"{owner} has a collision hull of {len(points)} points without volume; {PREPARE_AGAIN}")
+            raise InputError(
+                f"{owner} has a collision hull of {len(points)} points without volume; {rooms.PREPARE_AGAIN}"
+            )

@@ -1,4 +1,4 @@
-"""Command `s2a certify`: validate a simulation-ready stage, or an asset of others; exit with 1 if a check fails."""
+"""Command `s2a certify`: validate a simulation-ready stage or a third-party asset; exit with 1 if a check fails."""
 
 import dataclasses
 import json
@@ -35,8 +35,8 @@ class Config:
 
     Attributes:
         stage: the sim.usd; null: `asset`.
-        asset: a URDF, MJCF or USD file of others, of one object or a room, in place of a stage.
-        repair: a folder to write, with a copy of the asset in which what is safe to repair is; null: none.
+        asset: a third-party URDF, MJCF or USD file of one object or a room, in place of a stage.
+        repair: folder that receives a copy of the asset with all safe repairs; null: none.
         part: id of one articulated part, such as drawer_7; null: all of them.
         out: the folder to write, with report.json, .html, .sarif and .junit.xml; an earlier one of this stage and code is kept.
         stamp: write the verdicts into the stage too, with the hash of its content.

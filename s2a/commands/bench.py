@@ -22,14 +22,13 @@ from s2a.core.outputs import Output, atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import Policy, baseline, by_part, overstated, run_episodes, unsound
-from s2a.learn.perception import network
-from s2a.learn.perception.network import fused, seen_pool
-from s2a.learn.rl import policy_file
-from s2a.learn.rl.policy_file import PolicyFile
+from s2a.learn.perception import follow
+from s2a.learn.perception.follow import read_policy
 from s2a.learn.rl.ppo import load_policy
 from s2a.learn.rl.run_folder import read_world
 from s2a.motion.policy import Planner
 from s2a.motion.trajectory import Demonstration
+from s2a.sim.depth_cameras import DepthCameraConfig
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env, pool
@@ -40,8 +39,8 @@ _log = logging.getLogger(__name__)
 
 PLANNER, RANDOM = "planner", "random"
 # Keys in which a verification may differ; and hashes that a result holds, with the keys they are of
-FREE = "out", "device", "num_envs", "seed", "stage", "policy", "perception", "verify"
-HASHES = {"policy_sha256": "policy", "perception_sha256": "perception", "parts_sha256": "stage"}
+FREE = "out", "device", "num_envs", "seed", "stage", "policy", "verify"
+HASHES = {"policy_sha256": "policy", "parts_sha256": "stage"}
 TENTH, LEAST = 10, 10  # Of so many parts, a verification measures one again; and at least so many, or all
 # An environment and the planner's motions of its parts -> the policy that drives it
 Actor = Callable[[VecEnv, Sequence[Demonstration]], Policy]
@@ -53,8 +52,8 @@ class Config(EpisodesConfig):
 
     Attributes:
         stage: the index of the parts, as `s2a pool +split=test` writes it.
-        policy: planner, random, pretrained (a different one with `perception`), or the file of a trained policy:
-            model_N.onnx or model_N.pt.
+        policy: planner, random, pretrained, pretrained_depth, or the file of a trained policy: model_N.onnx, model_N.pt, or a
+            .depth of s2a perceive, which needs a pool with visuals.
         out: the results, a JSON file.
         verify: results of the same policy on the same parts: a randomly drawn tenth of the parts is measured again.
         episodes: number of episodes per part.
@@ -63,9 +62,7 @@ class Config(EpisodesConfig):
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: seed of start noise and of the differences between worlds.
         task: task settings; a trained policy has its own settings of its observations.
-        perception: network that estimates the parts from depth frames instead of the true poses: pretrained, or a file of s2a
-            perceive; null: none.
-        perception_frames: number of frames per part; the median of their estimates counts.
+        depth_camera: the cameras of a policy with depth cameras.
         grasp_error: distance of the observed grasp from the true one [m], in a random direction; null: as in a
             trained policy's training, and the planner observes the true one.
         grasp_turn: its rotation off the true one [degree], about a random axis; null: likewise.
@@ -76,10 +73,9 @@ class Config(EpisodesConfig):
     verify: Path | None
     episodes: Count
     steps: Count
-    perception: Path | None
-    perception_frames: Count
     grasp_error: NotNegative | None
     grasp_turn: NotNegative | None
+    depth_camera: DepthCameraConfig
 
 
 def run(config: Config) -> str:
@@ -98,9 +94,6 @@ def run(config: Config) -> str:
     drawn = np.arange(len(entries))
     if claim:
         drawn = np.sort(np.random.default_rng(draw).permutation(drawn)[: max(LEAST, math.ceil(len(drawn) / TENTH))])
-    if config.perception:
-        stages = seen_pool(config.stage, stages, config.perception, device)
-        stages = [replace(stage, estimates=fused(stage.estimates, config.perception_frames)) for stage in stages]
     entries, motions, stages = [entries[i] for i in drawn], [motions[i] for i in drawn], [stages[i] for i in drawn]
     longest = 0
     batches = list(_batches(stages, config.num_envs // config.episodes))
@@ -120,7 +113,6 @@ def run(config: Config) -> str:
     tables = by_part(rates, entries, np.repeat(np.arange(len(entries)), config.episodes), config.seed)
     about = {"policy": who, "episodes_a_part": config.episodes, "steps": config.steps, "seed": config.seed}
     about |= {
-        "perception": config.perception and str(config.perception),
         "grasp_error": config.grasp_error,
         "grasp_turn": config.grasp_turn,
         **made,
@@ -147,16 +139,14 @@ def run(config: Config) -> str:
 
 def _made(config: Config, entries: Sequence[pool.PoolPart]) -> dict[str, Any]:
     """Return what a measurement is of: HASHES of files (None: there is none), and the settings."""
-    files = [name for each in entries for name in (each.room, each.motion, each.frames) if name]
+    files = [name for each in entries for name in (each.room, each.motion) if name]
     digest = hashlib.sha256(json.dumps(as_json(entries)).encode())
     for name in dict.fromkeys(files):
         digest.update((config.stage.parent / name).read_bytes())
-    policy = None if config.policy in (PLANNER, RANDOM) else policy_file.file_of(Path(config.policy))
-    sees = network.file_of(config.perception) if config.perception else None
+    policy = None if config.policy in (PLANNER, RANDOM) else follow.file_of(Path(config.policy))
     settings = {name: value for name, value in asdict(config).items() if name not in FREE}
     return {
         "policy_sha256": policy and hashlib.sha256(policy.read_bytes()).hexdigest(),
-        "perception_sha256": sees and hashlib.sha256(sees.read_bytes()).hexdigest(),
         "parts_sha256": digest.hexdigest(),
         "settings": json.loads(json.dumps(as_json(settings), default=str)),
     }
@@ -211,7 +201,7 @@ def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
     if path.suffix == ".pt":
         world, name = read_world(path), f"{path.absolute().parent.name}_{path.stem}"
     else:
-        file = PolicyFile(path)
+        file = read_policy(path, config.depth_camera)
         world, name = file.worlds(config.sim, config.task), Path(file.name).stem
     if world is None:
         raise InputError(

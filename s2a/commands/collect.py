@@ -14,12 +14,13 @@ from s2a.core.outputs import Output, atomic_write, full_disk_reported
 from s2a.core.provenance import provenance
 from s2a.learn.collect.episodes import Collector, Dataset, read_stage, temporary, write_stage
 from s2a.learn.evaluate import Policy
-from s2a.learn.rl.policy_file import PolicyFile
+from s2a.learn.perception.follow import read_policy
 from s2a.learn.rl.run_folder import world_json
 from s2a.motion.policy import Planner
 from s2a.scene.artefacts import DATASET, DATASET_STAGE
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.camera import Views, ViewsConfig
+from s2a.sim.depth_cameras import DepthCameraConfig
 from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage
@@ -38,11 +39,12 @@ class Config(WorldsConfig):
     Attributes:
         out: folder of the dataset; an existing one is continued.
         episodes: number of successful episodes, existing ones included.
-        policy: policy that drives the robot: null, the planner; pretrained; or a model_N.onnx.
+        policy: policy that drives the robot: null, the planner; pretrained; pretrained_depth; a model_N.onnx; or a .depth.
         instruction: the robot's instruction in words; null: the task and the part's label.
         every: control steps per frame.
         format: lerobot: LeRobotDataset v3.0; robomimic: HDF5 as robomimic reads it.
         views: the cameras.
+        depth_camera: the cameras of a policy with depth cameras.
     """
 
     out: Output
@@ -52,6 +54,7 @@ class Config(WorldsConfig):
     every: Count
     format: Format
     views: ViewsConfig
+    depth_camera: DepthCameraConfig
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class Session:
 
 def begin(config: Config) -> Session:
     """Build the worlds, the cameras and the policy; InputError for keys that cannot go together."""
-    file = PolicyFile(config.policy) if config.policy else None
+    file = read_policy(config.policy, config.depth_camera) if config.policy else None
     env, views, collector, words = worlds(
         config, *(file.worlds(config.sim, config.task) if file else (config.sim, config.task))
     )

@@ -17,11 +17,13 @@ import torch
 from PIL import Image
 
 from s2a import tasks
-from s2a.commands.worlds import SeenWorldsConfig
+from s2a.commands.worlds import WorldsConfig
 from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write, require_writable
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import Agent, Policy, SoftStates, baseline, by_part, evaluate_soft, run_episodes, summary
+from s2a.learn.perception.follow import DepthPolicy, Follower, is_depth, read_policy
+from s2a.learn.perception.follow import export as export_depth
 from s2a.learn.rl.policy_file import PolicyFile, export
 from s2a.learn.rl.ppo import load_model, load_policy
 from s2a.learn.rl.run_folder import read_world
@@ -33,6 +35,7 @@ from s2a.robot.tool_path import variants
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.camera import Camera, CameraConfig
+from s2a.sim.depth_cameras import DepthCameraConfig
 from s2a.sim.recorder import LimitUse, Recorder
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.soft_body import SoftConfig, soft_body
@@ -45,7 +48,8 @@ from s2a.tasks.state import LIMITS
 from s2a.view import states
 
 _log = logging.getLogger(__name__)
-REFUSED = ("also", "checkpoint", "policy", "agent", "perception", "export", "images", "search_base", "recordings")
+SEEN = (7, 121, 361, 721)  # Control steps after which what depth cameras see is drawn
+REFUSED = ("also", "checkpoint", "policy", "agent", "export", "images", "search_base", "recordings")
 
 
 def run_soft(config: Config) -> tuple[dict[str, Any], tuple[str, ...], tuple[str, ...]]:
@@ -76,18 +80,21 @@ def run_soft(config: Config) -> tuple[dict[str, Any], tuple[str, ...], tuple[str
 
 
 @dataclass(frozen=True)
-class Config(SeenWorldsConfig):
+class Config(WorldsConfig):
     """Keys of `s2a evaluate`.
 
     Attributes:
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
-        policy: policy in its place: model_N.onnx, as `s2a train export=true` writes it; pretrained: the bundled one; or
-            null.
+        policy: policy in its place: model_N.onnx, as `s2a train export=true` writes it; a .depth of `s2a perceive`, with
+            depth cameras instead of the part's true pose; pretrained or pretrained_depth: the bundled ones; or null.
         agent: baseline in its place: zero (actions of 0), random (uniform in [-1, 1]), extreme (-1 and 1, held for up
             to four seconds); or null.
-        export: write the checkpoint as TorchScript and ONNX too, beside it.
-        images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
+        export: write the checkpoint as TorchScript and ONNX too, beside it; a policy with depth cameras as two ONNX files beside
+            `out`.
+        images: folder for before.png and after.png (world 0 where its part moved farthest), or null; with depth cameras also for
+            seen_N.png: what they see after N steps.
+        depth_camera: the depth cameras, and the pixel that selects the part.
         search_base: Enable the search for another base where the prepared one does not serve for all of the planner's motion.
         recordings: folder for joint positions and torques, a CSV file for each world, which `s2a identify` reads, or null.
         states: npz file for the pose of everything after every control step, which `s2a view` plays, or null; with
@@ -106,6 +113,7 @@ class Config(SeenWorldsConfig):
     recordings: Output | None
     states: Output | None
     camera: CameraConfig
+    depth_camera: DepthCameraConfig
     physics: Literal["rigid", "soft"]
     soft: SoftConfig = SoftConfig()  # the bear
     soft_metrics: SoftMetrics = SoftMetrics()  # what is reported of it
@@ -141,7 +149,7 @@ class Album:
                 Image.fromarray(camera.image(pose)).save(file)
 
 
-def _policy(config: Config, env: VecEnv, file: PolicyFile | None) -> Policy:
+def _policy(config: Config, env: VecEnv, file: PolicyFile | DepthPolicy | None) -> Policy:
     """Return the policy; the planner has motions for a pool."""
     if config.agent:
         return baseline(config.agent, env, config.seed)
@@ -175,7 +183,6 @@ def _about(config: Config, env: VecEnv) -> dict[str, Any]:
         "task": config.task.name,
         "episode_steps": env.max_episode_length,
         "seed": config.seed,
-        "perception": config.perception and config.perception.name,
         "settings": json.loads(json.dumps(settings, default=str)),
     }
 
@@ -202,7 +209,7 @@ def _beyond(planner: Planner, env: VecEnv) -> list[str]:
 
 def _refuse_contradictions(config: Config) -> None:
     """Raise for keys that cannot go together, before an evaluation is spent on them."""
-    if config.export and not config.checkpoint:
+    if config.export and not config.checkpoint and not (config.policy and is_depth(config.policy)):
         raise InputError("key 'export' is true, and there is no checkpoint to export; give checkpoint=.../model_N.pt")
     if config.export and config.checkpoint and config.checkpoint.is_file():
         require_writable(config.checkpoint, "give export=false, or copy the run's folder")
@@ -255,14 +262,14 @@ def run(config: Config) -> str:
     _refuse_contradictions(config)
     if config.physics == "soft":
         return _run_soft(config)
-    file = PolicyFile(config.policy) if config.policy else None
+    file = read_policy(config.policy, config.depth_camera) if config.policy else None
     world = (
         file.worlds(config.sim, config.task) if file else read_world(config.checkpoint) if config.checkpoint else None
     )
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
         device = device_of(config.device)
-        stages = config.see([_based(stage, config) for stage in config.read_stages()], device)
+        stages = [_based(stage, config) for stage in config.read_stages()]
         sim = Simulation(stages, sim_config, config.num_envs, device)
         recorder = Recorder(sim) if config.recordings else None
         played = states.Watch(sim) if config.states else None
@@ -271,11 +278,14 @@ def run(config: Config) -> str:
         if isinstance(policy, Planner):
             env.lengthen(policy.episode_steps)
         album, use = Album(env), LimitUse(sim)
+        views: dict[int, Image.Image] = {}
 
         def watch() -> None:
             use.watch(env.episode_step == 0)
             if config.images:  # it waits for the device in every step
                 album.watch()
+                if isinstance(policy, Follower) and int(env.episode_step[0]) in SEEN:
+                    views[int(env.episode_step[0])] = policy.image(torch.arange(min(8, env.num_envs)))
             if recorder:
                 recorder.watch(env.done.bool())
             if played:
@@ -299,6 +309,11 @@ def run(config: Config) -> str:
         )
     if config.export and config.checkpoint:
         export(load_model(env, config.checkpoint), config.checkpoint)
+    if config.export and isinstance(file, DepthPolicy):
+        export_depth(file.network, config.out)
+    for step, image in views.items() if config.images else ():
+        with atomic_write(config.images / f"seen_{step}.png") as place:
+            image.save(place, "PNG")
     _save(config, sim, album, played.states(columns.get("success")) if played else None, recorder)
     return "\n".join(
         [

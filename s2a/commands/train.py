@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from s2a.commands.worlds import SeenWorldsConfig
+from s2a.commands.worlds import WorldsConfig
 from s2a.core.bounds import Fraction
 from s2a.core.errors import InputError
 from s2a.core.locks import contents
@@ -34,7 +34,7 @@ METRICS = "metrics.json"
 
 
 @dataclass(frozen=True)
-class Config(SeenWorldsConfig):
+class Config(WorldsConfig):
     """Keys of `s2a train`.
 
     Attributes:
@@ -69,8 +69,7 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
-    stages = config.see(config.read_stages(), device)
-    sim = Simulation(processes.own_items(stages), config.sim, config.num_envs, device)
+    sim = Simulation(processes.own_items(config.read_stages()), config.sim, config.num_envs, device)
     ppo_config = _ppo_of(config)
     imitates = first < ppo_config.imitation_iterations and (config.init is None or config.ppo.target is not None)
     motions = _motions(config, sim) if config.demo_reset_fraction > 0.0 or imitates else []

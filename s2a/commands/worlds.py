@@ -1,4 +1,4 @@
-"""The keys that training, evaluation and the benchmark share: the worlds, what is done in them, and what sees the parts."""
+"""The keys that training, evaluation and the benchmark share: the worlds, and what is done in them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,8 +6,6 @@ from pathlib import Path
 from s2a import tasks
 from s2a.core.bounds import Count, CountFromZero
 from s2a.core.errors import InputError
-from s2a.learn.perception.depth_camera import DepthCameraConfig
-from s2a.learn.perception.network import seen
 from s2a.motion.trajectory import PlannerConfig
 from s2a.robot import Robot
 from s2a.sim.simulation import SimConfig
@@ -67,25 +65,3 @@ class WorldsConfig(EpisodesConfig):
                 f"{self.stage} is the index of a pool, which s2a train and s2a evaluate take; give a sim.usd"
             )
         return self.read_stages()[0]
-
-
-@dataclass(frozen=True)
-class SeenWorldsConfig(WorldsConfig):
-    """Worlds whose parts a depth camera may see, so that the policy observes no true poses.
-
-    Attributes:
-        perception: network that estimates the parts from depth frames instead of the true poses: pretrained, or a file of s2a
-            perceive (its estimates.npz are of parts that no network was trained on); null: none.
-        perception_frames: number of frames, each from a different place; the median of their estimates counts.
-        depth_camera: the camera, where `stage` is a room.
-    """
-
-    perception: Path | None
-    perception_frames: Count
-    depth_camera: DepthCameraConfig
-
-    def see(self, stages: list[SimStage], device: str) -> list[SimStage]:
-        """Return stages with what is seen of their parts, if something is to see them."""
-        if self.perception is None:
-            return stages
-        return seen(self.stage, stages, self.perception, self.perception_frames, self.depth_camera, self.seed, device)

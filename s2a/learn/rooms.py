@@ -66,11 +66,11 @@ class RoomJob:
         source: where it comes from, for its row.
         settings: what it depends on, as JSON: keys, and the state of the capture.
         ROOMS: keys that say which rooms there are, not what one is like.
-        VISUALS: Write the room's visuals too.
+        visuals: Write the room's visuals too.
     """
 
     ROOMS: ClassVar[tuple[str, ...]] = ("scans", "out", "jobs")
-    VISUALS: ClassVar[bool] = True
+    visuals = True
 
     def __init__(self, config: Settings, name: str, source: Path | str) -> None:
         """Begin a row with nothing made. `source`: the capture, or words for a room without one."""
@@ -113,14 +113,6 @@ class RoomJob:
         """Return by part what its handle is."""
         return {part: "scanned" if scene.handle_parts(part) else "none" for part in scene.movable}
 
-    def frames(self, room: SimRoom, part: str) -> str:
-        """Write what cameras see of a planned part; return the file relative to `out`, empty for none.
-
-        Raises:
-            InputError: the part is left out.
-        """
-        return ""
-
     def tried(self, scene: Scene, room: SimRoom, motions: Mapping[str, Demonstration], timed: Timed) -> None:
         """Add to the row what planned parts came to."""
 
@@ -137,7 +129,7 @@ class RoomJob:
             self.checked(scene, place, timed)
             with timed("prepare"):
                 room = prepare(scene, ALL, self.config.prepare, (), self.config.robot)
-                visuals = atomic_write(sim_stage.visuals_file(self.file)) if self.VISUALS else None
+                visuals = atomic_write(sim_stage.visuals_file(self.file)) if self.visuals else None
                 with visuals or contextlib.nullcontext(Path(temporary) / "visuals.usd") as beside:
                     with atomic_write(self.file) as file:
                         sim_stage.write(room, file, beside)
@@ -145,23 +137,19 @@ class RoomJob:
         for part in scene.movable:
             if part not in room.articulations:
                 left_out.setdefault(part, "s2a prepare leaves it out")
-        seen: dict[str, str] = {}
         motions: dict[str, Demonstration] = {}
         with timed("plan"):
             for part in room.articulations:
                 try:
                     if part not in left_out:
                         motions[part] = self._planned(room, part)
-                        seen[part] = self.frames(room, part)
                 except InputError as error:
                     left_out[part] = str(error).removeprefix(f"{self.file}: ")
-                    motions.pop(part, None)
         self.row["verdicts"] = {part: {} for part in motions}
         self.tried(scene, room, motions, timed)
         kinds = {part: room.articulations[part].joint.kind for part in motions}
         self.row["parts"] = [
-            asdict(PoolPart(self.file.name, part, kinds[part], handles[part], self._motion(part), seen[part]))
-            for part in motions
+            asdict(PoolPart(self.file.name, part, kinds[part], handles[part], self._motion(part))) for part in motions
         ]
 
     def _planned(self, room: SimRoom, part: str) -> Demonstration:
@@ -283,7 +271,7 @@ def write_index(
         InputError: no part is in it; it is written all the same, for s2a report.
     """
     rows = list(rows)
-    entries = [entry for row in rows for part in row["parts"] if taken(entry := PoolPart(**part))]
+    entries = [entry for row in rows for part in row["parts"] if taken(entry := pool.entry_of(part))]
     left_out = {f"{row['name']}/{part}": why for row in rows for part, why in row["left_out"].items()}
     shown = [{key: value for key, value in row.items() if key != "settings"} for row in rows]
     pool.write(out / INDEX, entries, left_out, {**(about or {}), "verdicts": shown, **provenance("cpu")})
@@ -318,6 +306,6 @@ def overview(place: Path) -> str:
 
 def _moved(row: Row, folder: Path) -> Row:
     """Return a row whose files are named relative to a folder above."""
-    names = ("room", "motion", "frames")
+    names = ("room", "motion")
     parts = [{**part, **{key: str(folder / part[key]) for key in names if part.get(key)}} for part in row["parts"]]
     return {**row, "parts": parts, "image": row["image"] and str(folder / row["image"])}

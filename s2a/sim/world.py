@@ -123,9 +123,6 @@ class SimStage:
     robot: str = DEFAULT_ROBOT  # name of the robot that the base pose is for
     # ids of further parts and free objects that move; everything else of the room is frozen at its scanned pose
     also: tuple[str, ...] = ()
-    # what was made of camera frames of the part (`s2a.tasks.mdp.seen`), of which a policy is told one in each
-    # episode, shape [frame number]; None: it is told the truth
-    estimates: np.ndarray | None = field(default=None, repr=False)
     # pose of the tool, closed, in which it pushes the part instead of holding it, at joint zero, 7-vector, scene frame
     push: np.ndarray | None = None
     internal: bool = False  # the gripper holds the region from within, by opening

@@ -17,7 +17,7 @@ from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.kernels import observation_kernel, result_kernel
-from s2a.tasks.mdp import binding, seen
+from s2a.tasks.mdp import binding, grasp
 from s2a.tasks.mdp.grasp import clear_contacts, keep_region_force
 from s2a.tasks.state import PERSISTENT, State
 
@@ -164,7 +164,7 @@ class Task:
         """Bind the task to worlds.
 
         Raises:
-            InputError: settings that exclude each other; some stages have estimates of their parts and others do not.
+            InputError: settings that exclude each other.
         """
         self.sim, self.config, self.metrics = sim, config, metrics
         self.thresholds: Mapping[str, float] = {}
@@ -231,8 +231,6 @@ class Task:
 
     def update(self, state: State) -> None:
         """After physics: what terms read; may set `state.terminated`."""
-        if self.world.is_estimated:
-            self.launch(seen.track, state)
 
     # What the environment and others call besides.
 
@@ -266,7 +264,7 @@ class Task:
 
     def seen_grasp(self) -> np.ndarray | None:
         """Return the pose of the grasp that is seen in the true grasp's frame, shape [world 7]; None: they are the same."""
-        return self.world.seen.numpy() if self.world.is_estimated or any(map(max, self._errors())) else None
+        return self.world.seen.numpy() if any(map(max, self._errors())) else None
 
     @classmethod
     def instruction(cls, stage: SimStage) -> str:
@@ -281,12 +279,10 @@ class Task:
         return getattr(self.config, "grasp_error", none), getattr(self.config, "grasp_turn", none)
 
     def _draw_seen_grasp(self, state: State) -> None:
-        """Draw a new error of the grasp that is seen, or a new estimate, in worlds whose episode ended."""
-        if self.world.is_estimated:
-            self.launch(seen.choose_frame, state)
-        elif any(map(max, self._errors())):  # else the stream of random numbers stays as it is
+        """Draw a new error of the grasp that is seen in worlds whose episode ended."""
+        if any(map(max, self._errors())):  # else the stream of random numbers stays as it is
             length, turn = self._errors()
-            self.launch(seen.misplace, state, wp.vec2(*length), wp.vec2(*map(math.radians, turn)))
+            self.launch(grasp.misplace, state, wp.vec2(*length), wp.vec2(*map(math.radians, turn)))
 
 
 def terms(*functions: wp.Function) -> dict[str, wp.Function]:

@@ -29,7 +29,11 @@ class PoolPart:
     # family or style of its handle, as the truth of a virtual scan says; of other scans: scanned, added or none
     handle: str
     motion: str  # file of the planner's motion, relative to the index
-    frames: str = ""  # file of what a depth camera sees of it, relative to the index; empty: nothing was taken
+
+
+def entry_of(row: Mapping[str, str]) -> PoolPart:
+    """Return the part of a row; those of earlier versions also name a file of camera frames."""
+    return PoolPart(**{key: row[key] for key in row if key != "frames"})
 
 
 def is_index(path: Path) -> bool:
@@ -58,7 +62,7 @@ def read(path: Path) -> list[PoolPart]:
             f"{str(path)!r} does not exist; give a sim.usd, or the index that s2a pool or s2a dataset writes"
         )
     try:
-        entries = [PoolPart(**entry) for entry in json.loads(path.read_text())["parts"]]
+        entries = [entry_of(row) for row in json.loads(path.read_text())["parts"]]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: not an index of s2a pool ({error!r})") from error
     if not entries:

@@ -163,20 +163,6 @@ class TaskTarget:
 
 
 @wp.struct
-class EstimatedPart:
-    """What a policy observes of a part by an estimate (`s2a.tasks.mdp.seen`), the part at zero, world frame."""
-
-    grasp: wp.transform  # the grasp frame
-    axis: wp.vec3  # of the joint, positive opens
-    along: wp.vec3  # direction in which the grasp point moves first when the part opens
-    origin: wp.vec3  # of the joint [m]
-    size: wp.vec3  # extents of the grasp region along the grasp frame's axes [m]
-    slides: int  # 1 for a slide, 0 for a hinge
-    lever_arm: float  # of a hinge [m], 0 for a slide
-    travel: float  # opening at the open limit [m]
-
-
-@wp.struct
 class ObjectPlace:
     """Where an object is to be put."""
 
@@ -245,14 +231,6 @@ class World:
     place: ObjectPlace  # where an object is to be put
     others: wp.array(dtype=int)  # bodies that must not move, shape [other]
     seen: wp.array(dtype=wp.transform)  # the grasp that is seen, in the grasp frame, shape [world]
-    is_estimated: int  # 1 where a policy observes an estimate of the part, not the truth
-    # of each stage's frames, shape [stage frame]; those of a stage that has fewer are repeated
-    estimates: wp.array2d(dtype=EstimatedPart)
-    stage: wp.array(dtype=int)  # index of each world's stage, shape [world]
-    frame: wp.array(dtype=int)  # which of them a policy observes in the running episode, shape [world]
-    # how far the part is open and how fast, by the robot's own motion [m, m/s]; shape [world]
-    tracked: wp.array(dtype=wp.vec2)
-    tool_before: wp.array(dtype=wp.vec3)  # position of the tool a control step ago [m], shape [world]
     opened: wp.array2d(dtype=float)  # how a part was opened in the running episode, shape [world OPENED]
     grasped: wp.array2d(dtype=float)  # how it was grasped, shape [world GRASPED]
     carried: wp.array2d(dtype=float)  # how an object was carried in the running episode, shape [world CARRIED]
@@ -268,5 +246,5 @@ class World:
 
 # Arrays that a later step reads before it writes them
 PERSISTENT = (
-    "seen", "frame", "tracked", "tool_before", "opened", "grasped", "carried", "last", "released", "rested", "origin", "own",
+    "seen", "opened", "grasped", "carried", "last", "released", "rested", "origin", "own",
 )  # fmt: skip

@@ -24,16 +24,12 @@ import satellites
 import tiny_scan
 import warp as wp
 from cabinet import write_cabinet
-from settings import load
 
 from s2a import robot
 from s2a.commands import cli
 from s2a.core.locks import LOCK
-from s2a.learn.perception import depth_camera
-from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
 from s2a.motion.trajectory import Demonstration
-from s2a.scene.usd import geometric, sim_stage
-from s2a.sim.world import read_stage
+from s2a.scene.usd import geometric
 from s2a.tasks import pool
 
 pytestmark = pytest.mark.slow
@@ -68,8 +64,8 @@ COMMANDS = {
         "stage={inputs}/pool.json", "policy=random", "episodes=2", "steps=3", "num_envs=4", "seed={n}", "out={out}/bench.json",
     ],
     "perceive": [
-        "stage={inputs}/pool.json", "network.steps=4", "network.batch=4", "network.points=64", "network.width=16", "folds=2",
-        "out={out}/perception{n}",
+        "stage={inputs}/pool.json", "network.capacity=64", "network.batch=4", "frames=4", "num_envs=2",
+        "steps=6", "out={out}/perception{n}",
     ],
     "report": ["path={inputs}/bench.json", "out={out}/report.html"],
     "do": [
@@ -99,17 +95,13 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def write_pool(folder: Path) -> None:
-    """Write a pool of two rooms, with a motion that stands still and frames of a depth camera."""
+    """Write a pool of two rooms, with a motion that stands still."""
     still = Demonstration(np.tile(np.array(robot.load("panda").start), (2, 1)), np.zeros((2, 10)), 1)
-    camera = load(DepthCameraConfig, "depth_camera/default", points=128)
     entries = []
     for name in ("one", "two"):
         path = write_cabinet(folder / f"{name}.usda")
         pool.save_motion(still, folder / f"{name}.npz")
-        frames = depth_camera.take(VisibleRoom(sim_stage.read(path)), read_stage(path), camera, 2, 0)
-        depth_camera.save(frames, folder / f"{name}_frames.npz")
-        files = f"{name}.npz", f"{name}_frames.npz"
-        entries.append(pool.PoolPart(path.name, "drawer_2", "prismatic", "bar", *files))
+        entries.append(pool.PoolPart(path.name, "drawer_2", "prismatic", "bar", f"{name}.npz"))
     pool.write(folder / "pool.json", entries, {}, {"first": 0})
 
 

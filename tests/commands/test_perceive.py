@@ -1,106 +1,99 @@
-"""From frames of a pool to a network, and to a policy that is told what the network makes of them."""
+"""From a pool with visuals to a policy with depth cameras, and what is done with it."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from cabinet import write_cabinet
-from settings import load
 
+from s2a import robot
 from s2a.commands import cli
-from s2a.learn.perception import depth_camera
-from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
-from s2a.learn.perception.network import read_estimates
+from s2a.learn.perception.follow import read_network
+from s2a.motion.trajectory import Demonstration
 from s2a.scene.usd import sim_stage
-from s2a.sim.world import read_stage
 from s2a.tasks import pool
-from s2a.tasks.mdp.seen import NUMBERS
 
-SMALL = ["network.steps=4", "network.batch=4", "network.points=64", "network.width=16", "folds=2", "device=cpu"]
+SMALL = ["network.batch=4", "network.capacity=64", "network.updates=1", "device=cpu"]
 
 
 @pytest.fixture
 def index(tmp_path: Path) -> Path:
+    still = Demonstration(np.tile(np.array(robot.load("panda").start), (2, 1)), np.zeros((2, 10)), 1)
     entries = []
-    camera = load(DepthCameraConfig, "depth_camera/default", points=128)
-    for name in ("one", "two"):
-        path = write_cabinet(tmp_path / f"{name}.usda")
-        depth_camera.save(
-            depth_camera.take(VisibleRoom(sim_stage.read(path)), read_stage(path), camera, 2, 0),
-            tmp_path / f"{name}.npz",
-        )
-        entries.append(pool.PoolPart(f"{name}.usda", "drawer_2", "prismatic", "bar", "none.npz", f"{name}.npz"))
+    for name in ("one_7", "two_107"):
+        write_cabinet(tmp_path / f"{name}.usda")
+        pool.save_motion(still, tmp_path / f"{name}.npz")
+        entries.append(pool.PoolPart(f"{name}.usda", "drawer_2", "prismatic", "bar", f"{name}.npz"))
     pool.write(tmp_path / "pool.json", entries, {}, {"first": 0})
     return tmp_path / "pool.json"
 
 
-def test_a_network_is_trained_and_every_part_is_estimated_by_one_that_did_not_see_its_room(
-    index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.slow
+def test_a_policy_is_trained_on_some_rooms_measured_on_others_and_used(index: Path, tmp_path: Path) -> None:
     out = tmp_path / "perception"
-    assert cli.main(["perceive", f"stage={index}", f"out={out}", *SMALL]) == 0
-    estimates = read_estimates(out / "estimates.npz")
-    assert {name: each.shape for name, each in estimates.items()} == {
-        "one.usda/drawer_2": (2, NUMBERS),
-        "two.usda/drawer_2": (2, NUMBERS),
+    train = [
+        "perceive",
+        f"stage={index}",
+        f"out={out}",
+        *SMALL,
+        r"held_out=_1\d\d",
+        "frames=8",
+        "num_envs=16",
+        "steps=24",
+    ]
+    assert cli.main(train) == 0
+    report = json.loads((out / "metrics.json").read_text())
+    assert [row["room"] for row in report["parts"]] == ["two_107.usda"] and report["parts"][0]["episodes"] == 8
+    assert set(report["rates"]) == {"success", "grasp_success"} and report["losses"][-1]["point"] > 0.0
+    assert {path.name for path in out.iterdir()} == {
+        "policy.depth",
+        "policy_estimate.onnx",
+        "policy_act.onnx",
+        "metrics.json",
     }
-    report = json.loads((out / "errors.json").read_text())
-    assert set(report["errors"]) >= {"grasp point [m]", "axis [degree]", "wrong kind"}
-    assert report["errors"]["grasp point [m]"]["median"] > 0.0 and len(report["curve"]) == 4
-    assert "grasp point [m]" in capsys.readouterr().out
-
-    run = ["train", f"stage={index}", "task.describe_part=true", f"perception={out / 'estimates.npz'}", "device=cpu"]
-    run += [
-        "num_envs=4",
-        "ppo.iterations=1",
-        "ppo.num_steps_per_env=4",
-        "ppo.num_mini_batches=1",
-        f"out={tmp_path / 'run'}",
-    ]
-    assert cli.main(run) == 0
-    room = [
-        "evaluate",
-        f"stage={index.parent / 'one.usda'}",
-        "agent=zero",
+    before = read_network(out / "policy.depth").view.clone()
+    further = [
+        "perceive",
+        f"stage={index}",
+        f"out={out}",
+        *SMALL,
+        f"init={out / 'policy.depth'}",
         "num_envs=2",
-        "device=cpu",
-        "task.episode_steps=4",
+        "steps=6",
     ]
-    assert cli.main([*room, "task.describe_part=true", "perception=pretrained", f"out={tmp_path / 'room.json'}"]) == 0
-    assert json.loads((tmp_path / "room.json").read_text())["perception"] == "pretrained"
+    assert cli.main([*further, "frames=0"]) == 0
+    assert torch.equal(read_network(out / "policy.depth").view, before), "measured alone, it stays as it is"
+    short = ["device=cpu", "sim=real"]
+    bench = ["bench", f"stage={index}", f"policy={out / 'policy.depth'}", "episodes=1", "steps=12", *short]
+    assert cli.main([*bench, f"out={tmp_path / 'bench.json'}"]) == 0
+    assert json.loads((tmp_path / "bench.json").read_text())["policy"] == "policy"
+    room = ["evaluate", f"stage={index.parent / 'one_7.usda'}", "policy=pretrained_depth", "num_envs=2", "device=cpu"]
+    assert cli.main([*room, f"out={tmp_path / 'room.json'}", "export=true", f"images={tmp_path / 'images'}"]) == 0
+    assert json.loads((tmp_path / "room.json").read_text())["policy"] == "pretrained_depth"
+    assert (tmp_path / "room_estimate.onnx").is_file() and (tmp_path / "images/seen_7.png").is_file()
 
 
-def test_a_pool_without_frames_is_refused(index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    entries = [replace(entry, frames="") for entry in pool.read(index)]
-    pool.write(index, entries, {}, {"first": 0})
-    assert cli.main(["perceive", f"stage={index}", f"out={tmp_path / 'perception'}", *SMALL]) == 2
-    assert "make the pool with frames=8" in capsys.readouterr().err
-    assert not (tmp_path / "perception").exists()
-
-
-def test_more_folds_than_rooms_are_refused(index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["perceive", f"stage={index}", f"out={tmp_path / 'perception'}", *SMALL, "folds=3"]) == 2
-    assert "has 2 rooms" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 no archive"])
-def test_damaged_frames_are_refused(
-    content: bytes, index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        (["held_out=.*"], "leaves no room to train on"),
+        (["num_envs=1"], "has 2 parts"),
+        (["init=nobody.depth"], "no such file"),
+    ],
+)
+def test_keys_that_contradict_are_refused_before_anything_is_built(
+    keys: list[str], why: str, index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "one.npz").write_bytes(content)
-    assert cli.main(["perceive", f"stage={index}", f"out={tmp_path / 'perception'}", *SMALL]) == 2
-    assert "not frames of s2a pool" in capsys.readouterr().err
+    assert cli.main(["perceive", f"stage={index}", f"out={tmp_path / 'out'}", *SMALL, *keys]) == 2
+    assert why in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
-def test_estimates_of_another_pool_are_refused(index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    np.savez_compressed(tmp_path / "other.npz", **{"three.usda/drawer_2": np.zeros((1, NUMBERS))})
-    run = ["train", f"stage={index}", f"perception={tmp_path / 'other.npz'}", "device=cpu", f"out={tmp_path / 'run'}"]
-    assert cli.main(run) == 2
-    assert "of another pool" in capsys.readouterr().err
-    room = ["evaluate", f"stage={index.parent / 'one.usda'}", f"perception={tmp_path / 'other.npz'}"]
-    assert cli.main([*room, "agent=zero", "device=cpu", f"out={tmp_path / 'room.json'}"]) == 2
-    assert "of the parts of a pool" in capsys.readouterr().err
+def test_a_room_without_visuals_is_refused(index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sim_stage.visuals_file(index.parent / "one_7.usda").unlink()
+    keys = [*SMALL, f"out={tmp_path / 'out'}", "num_envs=2", "frames=1"]
+    assert cli.main(["perceive", f"stage={index}", *keys]) == 2
+    assert "the visuals are missing" in capsys.readouterr().err

@@ -9,22 +9,18 @@ from typing import ClassVar, cast, get_args
 
 from s2a.core.bounds import Count, CountFromZero
 from s2a.core.errors import InputError
-from s2a.core.outputs import Output, atomic_write
+from s2a.core.outputs import Output
 from s2a.homes.capture import AnnotationConfig
 from s2a.homes.room import handle_of
 from s2a.homes.sample import RoomKind, SampleConfig, sample
 from s2a.homes.scanner import ScannerConfig
 from s2a.learn import rooms
-from s2a.learn.perception import depth_camera as cloud
-from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
 from s2a.learn.rooms import Timed
 from s2a.motion.trajectory import PlannerConfig
 from s2a.prepare.room import PrepareConfig
 from s2a.robot import Robot
 from s2a.scene.scene import Scene
-from s2a.scene.usd.sim_scene import SimRoom
 from s2a.sim.simulation import SimConfig
-from s2a.sim.world import stage_of
 from s2a.tasks import MdpSettings
 
 
@@ -41,8 +37,7 @@ class Config:
         out: folder of the pool; rooms that are in it already are kept.
         jobs: rooms that are made at once.
         leave_out: families or styles of handles to leave out.
-        frames: number of depth frames per part, for s2a perceive; 0: none.
-        depth_camera: the camera that takes them.
+        visuals: Write what cameras see of the rooms, too, for s2a perceive and policies with depth cameras.
         detail: the scanner of the rooms, as of s2a sample.
         annotator: the errors of their annotation, likewise.
         robot: the robot, such as panda or baxter.
@@ -60,8 +55,7 @@ class Config:
     out: Output
     jobs: Count
     leave_out: tuple[str, ...]
-    frames: CountFromZero
-    depth_camera: DepthCameraConfig
+    visuals: bool
     detail: ScannerConfig
     annotator: AnnotationConfig
     robot: Robot
@@ -112,31 +106,15 @@ def is_taken(handle: str, config: Config) -> bool:
 
 
 class PoolJob(rooms.RoomJob):
-    """An annotated scan on its way to parts of a pool, without visuals, which no training loads."""
+    """An annotated scan on its way to parts of a pool."""
 
     ROOMS: ClassVar[tuple[str, ...]] = (*WHICH, "out", "jobs")
-    VISUALS: ClassVar[bool] = False
     config: Config  # the command's keys
-    _visible: VisibleRoom | None = None
 
-    def frames(self, room: SimRoom, part: str) -> str:
-        """Write what depth cameras see of a part; InputError where none sees it."""
-        if not self.config.frames:
-            return ""
-        self._visible = self._visible or VisibleRoom(room)
-        stage = stage_of(self.file, room, part, robot=self.config.robot.name)
-        clouds = cloud.take(self._visible, stage, self.config.depth_camera, self.config.frames, self.seed)
-        if not clouds:
-            raise InputError("no camera frame shows it")
-        name = f"{self.name}_{part}_frames.npz"
-        with atomic_write(self.config.out / name) as out:
-            cloud.save(clouds, out)
-        return name
-
-    @property
-    def seed(self) -> int:
-        """Seed of the cameras' places."""
-        return 0
+    def __init__(self, config: Config, name: str, source: Path | str) -> None:
+        """Begin a row with nothing made."""
+        super().__init__(config, name, source)
+        self.visuals = config.visuals
 
 
 class HomeJob(PoolJob):
@@ -146,11 +124,6 @@ class HomeJob(PoolJob):
         """Begin a row with nothing made."""
         super().__init__(config, f"{kind}_{seed}", f"virtual {kind}, seed {seed}")
         self.kind, self.home_seed = kind, seed
-
-    @property
-    def seed(self) -> int:
-        """Seed of the cameras' places: the home's."""
-        return self.home_seed
 
     def scanned(self, timed: Timed, temporary: Path) -> Path:
         """Sample the home into the temporary folder."""

@@ -15,12 +15,13 @@ from s2a.language.do.episode import ExecutionConfig, Skills, execute, tasks_of
 from s2a.language.do.plan import check_sentence
 from s2a.language.do.rules import rules
 from s2a.language.do.run import Result, RoomContext, do
-from s2a.learn.rl.policy_file import PolicyFile
+from s2a.learn.perception.follow import read_policy
 from s2a.motion.trajectory import PlannerConfig
 from s2a.robot import Robot
 from s2a.scene.usd import descriptive, sim_stage
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.camera import CameraConfig
+from s2a.sim.depth_cameras import DepthCameraConfig
 from s2a.sim.simulation import SimConfig, device_of
 
 SENTENCE = "sentence"  # The key that the first argument gives, if that is no key=value
@@ -49,8 +50,10 @@ class Config:
         tasks: files of further tasks, each a skill by the name of its file (docs/new_task.md).
         skills: the task of each skill, and the thresholds of its metrics.
         planner: the planner's motion.
-        policy: policy for the skills of its task, instead of the planner: an .onnx, or pretrained, which opens; null: none.
+        policy: policy for the skills of its task, instead of the planner: an .onnx or .depth; pretrained or
+            pretrained_depth, which open; null: none.
         camera: how images are taken.
+        depth_camera: the cameras of a policy with depth cameras.
     """
 
     sentence: str
@@ -72,6 +75,7 @@ class Config:
     planner: PlannerConfig
     policy: Path | None
     camera: CameraConfig
+    depth_camera: DepthCameraConfig
 
 
 def run(config: Config) -> str:
@@ -112,7 +116,7 @@ def _executor(config: Config, room: sim_stage.SimRoom) -> Any:
         config.skills,
         config.planner,
         config.camera,
-        PolicyFile(config.policy) if config.policy else None,
+        read_policy(config.policy, config.depth_camera) if config.policy else None,
     )
     known = {each.task.name for each in vars(config.skills).values()}
     if settings.policy and not settings.policy.world:

@@ -21,6 +21,7 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, temporary_folder
 from s2a.language.do.plan import Skill
 from s2a.learn.evaluate import Policy
+from s2a.learn.perception.follow import DepthPolicy
 from s2a.learn.rl.policy_file import PolicyFile
 from s2a.motion.obstacles import Obstacles
 from s2a.motion.open import plan_letting_go
@@ -83,9 +84,9 @@ class ExecutionConfig:
     planner: PlannerConfig
     camera: CameraConfig
     # that does the skills of its task in the planner's place; None: none does. See `world`
-    policy: PolicyFile | None = None
+    policy: PolicyFile | DepthPolicy | None = None
 
-    def policy_of(self, task: MdpConfig) -> PolicyFile | None:
+    def policy_of(self, task: MdpConfig) -> PolicyFile | DepthPolicy | None:
         """Return the policy where it does a task; one that does not say of which it is does none."""
         world = self.policy.world if self.policy else None
         return self.policy if world and task.name == world[1].name else None

@@ -1,1 +1,1 @@
-"""Perception: points of a part in a depth image, and a network that estimates grasp, joint and size from them."""
+"""Perception: the network that follows a part in depth images, and the policy that acts on its estimates."""

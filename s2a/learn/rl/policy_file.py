@@ -6,7 +6,7 @@ import copy
 import json
 import logging
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -122,7 +122,7 @@ def wrap(network: nn.Module | Path, out: Path, env: VecEnv) -> Path:
         if isinstance(network, nn.Module):
             module = copy.deepcopy(network).cpu().float().eval()
             _refuse_misfit(module, env, "network")
-            _write_graph(module, env.observation.shape[1], file)
+            write_graph(module, {"obs": torch.zeros(2, env.observation.shape[1])}, "actions", file)
         else:
             _opened(file_of(network))
             onnx.save(onnx.load(file_of(network)), file)  # with the weights, also those of a file of their own
@@ -221,13 +221,19 @@ def export(model: nn.Module, checkpoint: Path) -> list[Path]:
         torch.jit.script(model.as_jit().cpu().eval()).save(str(out))
     with atomic_write(graph) as out:
         onnx = model.as_onnx(verbose=False).cpu().eval()
-        _write_graph(onnx, onnx.input_size, out)
+        write_graph(onnx, {"obs": torch.zeros(2, onnx.input_size)}, "actions", out)
         annotate(out, checkpoint.parent / run_folder.FILE)
     return [script, graph]
 
 
-def _write_graph(module: nn.Module, observations: int, out: Path) -> None:
-    """Write a module on the CPU, which takes observations of a length, as ONNX for any number of worlds.
+def write_graph(module: nn.Module, inputs: Mapping[str, torch.Tensor], output: str, out: Path) -> None:
+    """Write a module on the CPU as ONNX for any number of worlds.
+
+    Args:
+        module: the module.
+        inputs: examples of its inputs by name, of more than one world.
+        output: name of what it returns.
+        out: the file.
 
     Raises:
         InputError: torch cannot export it.
@@ -238,12 +244,12 @@ def _write_graph(module: nn.Module, observations: int, out: Path) -> None:
         try:
             torch.onnx.export(
                 module,
-                (torch.zeros(2, observations),),
+                tuple(inputs.values()),
                 str(out),
-                input_names=["obs"],
-                output_names=["actions"],
+                input_names=list(inputs),
+                output_names=[output],
                 opset_version=18,
-                dynamic_shapes=({0: torch.export.Dim("world")},),
+                dynamic_shapes=tuple({0: torch.export.Dim("world")} for _ in inputs),
                 external_data=False,
                 verbose=False,
             )

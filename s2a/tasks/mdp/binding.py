@@ -6,18 +6,12 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from scipy.spatial.transform import Rotation
 
-from s2a.core.errors import InputError
-from s2a.robot.tool_path import matrices
 from s2a.scene.articulation import opening_sign
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
-from s2a.tasks.mdp.seen import of_vector
-from s2a.tasks.state import CARRIED, GRASPED, OPENED, EstimatedPart, Numbers, TaskTarget, World
-
-SHORTEST_ARM = 0.05  # [m] Shorter lever arms of a hinge are not observed
+from s2a.tasks.state import CARRIED, GRASPED, OPENED, Numbers, TaskTarget, World
 
 
 def bind(sim: Simulation, sensor: ContactSensor, config: Any, metrics: Any, own: int) -> World:
@@ -34,7 +28,6 @@ def bind(sim: Simulation, sensor: ContactSensor, config: Any, metrics: Any, own:
         _target(sim.stages[i], wide, *at) for i, *at in zip(sim.stage_of_env, sim.part_coord, sim.part_dof, strict=True)
     ]
     w.target, w.contacts = wp.array(targets, dtype=TaskTarget), sensor.found
-    w.stage = wp.array(sim.stage_of_env, dtype=int)
     w.number = _numbers(sim, config, metrics)
     free = any(each.free for each in targets)
     _bind_part(w, sim, 0 if free else n)
@@ -50,16 +43,6 @@ def _bind_part(w: World, sim: Simulation, rows: int) -> None:
     w.grasped = wp.zeros((rows, len(GRASPED)), dtype=float)
     w.seen = wp.array([wp.transform_identity()] * rows, dtype=wp.transform)
     w.resistance = wp.array(_resistance(sim) if rows else np.zeros((0, 3)), dtype=wp.vec3)
-    estimates = _estimates(sim.stages) if rows else None
-    w.is_estimated, worlds = int(estimates is not None), rows if estimates else 0
-    flat = sum(estimates, []) if estimates else []
-    w.estimates = (
-        wp.array(flat, dtype=EstimatedPart).reshape((len(sim.stages), -1))
-        if flat
-        else wp.zeros((0, 0), dtype=EstimatedPart)
-    )
-    w.frame, w.tracked = wp.zeros(worlds, dtype=int), wp.zeros(worlds, dtype=wp.vec2)
-    w.tool_before = wp.zeros(worlds, dtype=wp.vec3)
 
 
 def _bind_object(w: World, rows: int) -> None:
@@ -112,45 +95,6 @@ def _target(stage: SimStage, max_opening: float, coord: int, dof: int) -> TaskTa
     t.axis, t.origin, t.slides = wp.vec3(*joint.axis), wp.vec3(*joint.origin), int(joint.kind == "prismatic")
     t.pinchable = int(stage.internal or stage.grasp_size[1] < max_opening)
     return t
-
-
-def _estimates(stages: Sequence[SimStage]) -> list[list[EstimatedPart]] | None:
-    """Return what a policy may observe of each stage, as many frames of each; None where it observes the truth.
-
-    Raises:
-        InputError: some stages have estimates and others do not.
-    """
-    of_stage = [np.zeros((0, 0)) if stage.estimates is None else stage.estimates for stage in stages]
-    missing = [stage.target for stage, estimates in zip(stages, of_stage, strict=True) if not len(estimates)]
-    if len(missing) == len(stages):
-        return None
-    if missing:
-        raise InputError(f"no camera frame shows {', '.join(missing[:5])}; leave such parts out")
-    most = max(map(len, of_stage))
-    return [
-        [_estimated(stage, each[i % len(each)]) for i in range(most)]
-        for stage, each in zip(stages, of_stage, strict=True)
-    ]
-
-
-def _estimated(stage: SimStage, numbers: np.ndarray) -> EstimatedPart:
-    """Return an estimate in the world frame."""
-    part, base, estimate = of_vector(numbers), matrices(stage.base[None])[0], EstimatedPart()
-    turn = base[:3, :3]
-    frame = turn @ np.stack([np.cross(part.across, part.inwards), part.across, part.inwards], axis=1)
-    point = turn @ part.point + base[:3, 3]
-    estimate.grasp = wp.transform(wp.vec3(*point), wp.quat(*Rotation.from_matrix(frame).as_quat()))
-    estimate.slides, axis, along = int(part.slides > 0.5), turn @ part.axis, turn @ part.along
-    if estimate.slides:
-        axis = along  # one direction has two names
-    else:
-        along = along - (along @ axis) * axis
-        along /= np.linalg.norm(along)
-    estimate.lever_arm = 0.0 if estimate.slides else max(part.lever_arm, SHORTEST_ARM)
-    estimate.axis, estimate.along = wp.vec3(*axis), wp.vec3(*along)
-    estimate.origin = wp.vec3(*(point - estimate.lever_arm * np.cross(along, axis)))
-    estimate.size, estimate.travel = wp.vec3(*part.size), part.travel
-    return estimate
 
 
 def _resistance(sim: Simulation) -> np.ndarray:

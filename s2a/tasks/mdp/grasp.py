@@ -149,3 +149,54 @@ def keep_region_force(s: State, w: World):
     world = wp.tid()
     for i in range(2):
         w.region_force[world, i] = wp.max(w.region_force[world, i], w.contacts.on_region[world, i])
+
+
+@wp.struct
+class SeenPart:
+    """What a policy observes of a part where it now is: the grasp that is seen, axis and direction of opening, world frame."""
+
+    grasp: wp.transform
+    axis: wp.vec3
+    along: wp.vec3
+    size: wp.vec3
+    slides: float
+    lever_arm: float
+    travel: float
+    opening: float  # [m]
+    # coordinate, velocity: of the joint [m or rad, a second]
+    coordinate: float
+    velocity: float
+
+
+@wp.func
+def seen_part(s: State, w: World, world: int):
+    """Return what a policy sees of a world's part: the truth but for the error of the grasp."""
+    d, t = SeenPart(), w.target[world]
+    grasp = s.body_q[world, w.body] * t.grasp
+    d.grasp = grasp * w.seen[world]
+    d.opening = opening_of(s, w, world)
+    d.axis = t.axis * wp.sign(t.lever_arm)
+    d.size = t.size
+    d.slides = float(t.slides)
+    d.travel = t.travel
+    d.along = d.axis
+    d.lever_arm = 0.0
+    if t.slides == 0:
+        d.along = wp.normalize(wp.cross(d.axis, wp.transform_get_translation(grasp) - t.origin))
+        d.lever_arm = wp.abs(t.lever_arm)
+    d.coordinate = s.joint_q[world, t.coord]
+    d.velocity = s.joint_qd[world, t.dof]
+    return d
+
+
+@wp.kernel
+def misplace(s: State, w: World, length: wp.vec2, turn: wp.vec2):
+    """Where an episode begins, shift and turn the seen grasp in random directions by amounts between two limits [m], [rad]."""
+    world = wp.tid()
+    if s.done[world] == 0:
+        return
+    rng = s.rng[world]
+    shift = wp.sample_unit_sphere_surface(rng) * wp.randf(rng, length[0], length[1] + 1.0e-9)
+    axis = wp.sample_unit_sphere_surface(rng)
+    w.seen[world] = wp.transform(shift, wp.quat_from_axis_angle(axis, wp.randf(rng, turn[0], turn[1] + 1.0e-9)))
+    s.rng[world] = rng

@@ -8,8 +8,7 @@ The first paragraph of a term's docstring has its unit in brackets, and its fram
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import warp as wp
 
-from s2a.tasks.mdp.grasp import frames, is_grasped, tool_point
-from s2a.tasks.mdp.seen import seen_part
+from s2a.tasks.mdp.grasp import frames, is_grasped, seen_part, tool_point
 from s2a.tasks.state import Grasped, State, World, finger_position, sense
 
 # [m] Observed as 1 by `fine_point`; from FINE_LIMIT of it on it tells the direction alone

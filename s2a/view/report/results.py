@@ -94,7 +94,7 @@ def benchmark(values: Mapping[str, Any], path: Path) -> Document:
     """Return the report of a benchmark."""
     parts = values["parts"]
     title = f"{values['policy']}: {len(parts)} parts, {values['episodes_a_part']} episodes each"
-    request = {name: values.get(name) for name in ("perception", "grasp_error", "grasp_turn")}
+    request = {name: values.get(name) for name in ("grasp_error", "grasp_turn")}
     about = "; ".join([path.name, *(f"{n} {v}" for n, v in request.items() if v is not None), provenance(values)])
     if cut := values.get("plans_cut"):
         about += f"; cut by the end of the episode, and counted as failures: the plans of {', '.join(cut)}"

@@ -311,9 +311,10 @@ def run(config: Config) -> str:
         export(load_model(env, config.checkpoint), config.checkpoint)
     if config.export and isinstance(file, DepthPolicy):
         export_depth(file.network, config.out)
-    for step, image in views.items() if config.images else ():
-        with atomic_write(config.images / f"seen_{step}.png") as place:
-            image.save(place, "PNG")
+    if config.images:
+        for step, image in views.items():
+            with atomic_write(config.images / f"seen_{step}.png") as place:
+                image.save(place, "PNG")
     _save(config, sim, album, played.states(columns.get("success")) if played else None, recorder)
     return "\n".join(
         [

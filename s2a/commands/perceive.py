@@ -135,7 +135,7 @@ def run(config: Config) -> str:
     physics, task = state_world()
     device = device_of(config.device)
     sim = Simulation(stages, physics, config.num_envs, device)
-    env = make_env(sim, replace(task, episode_steps=config.steps), config.metrics, {}, config.seed)  # type: ignore[call-arg]
+    env = make_env(sim, replace(task, episode_steps=config.steps), config.metrics, {}, config.seed)
     cameras = WorldCameras(sim, config.depth_camera, config.seed)
     trainer = Trainer(env, cameras, network, config.network, torch.tensor(held[sim.stage_of_env]), config.seed)
     history: list[dict[str, float]] = []
@@ -334,7 +334,7 @@ class Trainer:
         back = turned_estimate(fractions(numbers), turn.transpose(1, 2), 1.0 / scale, mirror, hinge)
         terms["action"] = ACTION_WEIGHT * self._action_loss(back, row)
         self.optimizer.zero_grad()
-        sum(terms.values()).backward()  # type: ignore[union-attr]
+        sum(terms.values()).backward()
         nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
         self.optimizer.step()
         keep = min(EMA, self.updates / (self.updates + 10.0))

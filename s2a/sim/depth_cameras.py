@@ -272,7 +272,8 @@ def _visible_worlds(sim: Simulation) -> tuple[newton.ModelBuilder, tuple[torch.T
     """Return a model of what can be seen of the simulation's bodies, and each world's first and last shape of its part."""
     each = sim.model.body_count // sim.num_envs
     labels = [label.split("/")[-1] for label in sim.model.body_label]
-    arm, moving = _arm_meshes(sim), defaultdict(set)
+    arm = _arm_meshes(sim)
+    moving: dict[Path, set[str]] = defaultdict(set)
     for stage in sim.stages:
         moving[stage.path] |= set(stage.active)
     rooms = {path: _room_meshes(path, parts) for path, parts in moving.items()}

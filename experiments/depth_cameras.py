@@ -27,7 +27,7 @@ from s2a.core.provenance import provenance
 from s2a.learn.evaluate import Policy, by_part, run_episodes
 from s2a.learn.perception.follow import Follower, StatePolicy, read_network, state_world
 from s2a.learn.rl.policy_file import PRETRAINED, PolicyFile
-from s2a.sim.depth_cameras import DepthCameraConfig, View, WorldCameras
+from s2a.sim.depth_cameras import DepthCameraConfig, DepthView, WorldCameras
 from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env, pool
 
@@ -88,7 +88,7 @@ class DisturbedCameras(WorldCameras):
             old_turn, old_shift = self._error[name]
             self._error[name] = old_turn + np.deg2rad(turn) * by[0], old_shift + shift * by[1]
 
-    def _view(self, name: str, pose: torch.Tensor, error: tuple[torch.Tensor, torch.Tensor]) -> View:
+    def _view(self, name: str, pose: torch.Tensor, error: tuple[torch.Tensor, torch.Tensor]) -> DepthView:
         view = super()._view(name, pose, error)
         measured = torch.rand(view.valid.shape, generator=self._random, device=self._device) >= self.disturbance.holes
         return replace(view, valid=view.valid & measured, is_part=view.is_part & measured)
@@ -113,9 +113,8 @@ def main(index: Path, out: Path, keys: dict[str, str]) -> None:
     entries, stages = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
     physics, task = state_world()
     sim = Simulation(stages, physics, len(stages) * episodes, device)
-    values = config.compose("perceive", ["stage=-", "out=-"])
-    metrics = config.load(tasks.task(task.name).Metrics, values["metrics"])
-    plain = config.load(DepthCameraConfig, values["depth_camera"])
+    metrics = config.load(tasks.task(task.name).Metrics, config.file(f"metrics/{task.name}"))
+    plain = config.load(DepthCameraConfig, config.file("depth_camera/default"))
     env = make_env(sim, replace(task, episode_steps=int(keys["steps"])), metrics, {}, seed)  # type: ignore[call-arg]
     cameras = DisturbedCameras(sim, plain, seed)
     network = read_network(Path(keys["policy"])).to(device)

@@ -15,6 +15,8 @@ import numpy as np
 import torch
 from torch import nn
 
+from s2a import tasks
+from s2a.core import config as settings
 from s2a.core.bounds import Count, CountFromZero, Fraction, Positive
 from s2a.core.check import as_json
 from s2a.core.errors import InputError
@@ -37,7 +39,7 @@ from s2a.learn.perception.follow import (
 from s2a.learn.perception.sight import (
     SIDEWAYS,
     C,
-    Frame,
+    SightFrame,
     SightNetwork,
     fractions,
     loss,
@@ -54,7 +56,6 @@ from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env, pool
 from s2a.tasks.base import active, columns_of
 from s2a.tasks.env import VecEnv
-from s2a.tasks.open_part import OpenPartMetrics
 
 STORE = 0.5  # Fraction of the worlds whose frames are kept
 ACTION_WEIGHT = 2.0  # Of the difference of the actions in the loss
@@ -99,7 +100,6 @@ class Config:
         steps: control steps of an episode.
         network: its training.
         depth_camera: what sees the worlds.
-        metrics: what is reported of an episode.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: seed of the network and of the samples.
     """
@@ -113,7 +113,6 @@ class Config:
     steps: Count
     network: SightConfig
     depth_camera: DepthCameraConfig
-    metrics: OpenPartMetrics
     device: str
     seed: CountFromZero
 
@@ -130,12 +129,13 @@ def run(config: Config) -> str:
         raise InputError(
             f"key 'num_envs' is {config.num_envs}, and {config.stage} has {len(stages)} parts; give as many"
         )
-    torch.manual_seed(config.seed)
-    network = read_network(config.init) if config.init else SightNetwork(config.network.width)
     physics, task = state_world()
+    torch.manual_seed(config.seed)
+    metrics = settings.load(tasks.task(task.name).Metrics, settings.file(f"metrics/{task.name}"))
+    network = read_network(config.init) if config.init else SightNetwork(config.network.width)
     device = device_of(config.device)
     sim = Simulation(stages, physics, config.num_envs, device)
-    env = make_env(sim, replace(task, episode_steps=config.steps), config.metrics, {}, config.seed)
+    env = make_env(sim, replace(task, episode_steps=config.steps), metrics, {}, config.seed)
     cameras = WorldCameras(sim, config.depth_camera, config.seed)
     trainer = Trainer(env, cameras, network, config.network, torch.tensor(held[sim.stage_of_env]), config.seed)
     history: list[dict[str, float]] = []
@@ -323,7 +323,7 @@ class Trainer:
         zero, one = torch.zeros_like(angle), torch.ones_like(angle)
         rows = [angle.cos(), -angle.sin() * mirror, zero, angle.sin(), angle.cos() * mirror, zero, zero, zero, one]
         turn = torch.cat(rows, dim=1).view(n, 3, 3)
-        frame = Frame(row["points"].float(), row["target"], row["before"], row["tool"])
+        frame = SightFrame(row["points"].float(), row["target"], row["before"], row["tool"])
         varied, wanted = turned(frame, truth, turn, scale, mirror)
         with torch.autocast(kind := torch.device(self.device).type, torch.bfloat16, enabled=kind == "cuda"):
             numbers, guess, mask = self.network(varied)

@@ -77,7 +77,7 @@ class DepthCameraConfig:
 
 
 @dataclass(frozen=True)
-class View:
+class DepthView:
     """What a camera sees of each world.
 
     Attributes:
@@ -158,7 +158,7 @@ class WorldCameras:
                 torch.where(worlds[:, None], new_shift, shift),
             )
 
-    def see(self, name: str, about: torch.Tensor) -> View:
+    def see(self, name: str, about: torch.Tensor) -> DepthView:
         """Return what a camera sees since the last `refit`.
 
         `about`: where the narrow window looks, base frame [m], shape [world 3].
@@ -200,7 +200,7 @@ class WorldCameras:
         is_part = (shape >= first[:, None, None]) & (shape < last[:, None, None])
         return wp.to_torch(self._depth), is_part
 
-    def _view(self, name: str, pose: torch.Tensor, error: tuple[torch.Tensor, torch.Tensor]) -> View:
+    def _view(self, name: str, pose: torch.Tensor, error: tuple[torch.Tensor, torch.Tensor]) -> DepthView:
         depth, is_part = self._render(name, pose)
         valid = (depth > 0.05) & (depth < 4.0)
         noise = torch.randn(depth.shape, generator=self._random, device=self._device)
@@ -213,7 +213,7 @@ class WorldCameras:
         x, y = self._plane[name].unbind(-1)
         local = torch.stack([x * measured, y * measured, -measured], dim=-1).flatten(1, 2)
         points = (local @ axes.transpose(1, 2) + place[:, None]).unflatten(1, (self._size, self._size))
-        return View(points, valid, is_part & valid)
+        return DepthView(points, valid, is_part & valid)
 
     def _find_places(self, random: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the fraction of the grasp region that the best place of each world sees, and the best places of each."""

@@ -26,7 +26,7 @@ from s2a.learn.perception.sight import (
     VIEWS,
     WIDTH,
     C,
-    Frame,
+    SightFrame,
     SightNetwork,
     moved_target,
     observed,
@@ -137,7 +137,7 @@ def test_a_mirrored_door_turns_the_other_way(trainer: Trainer) -> None:
     mirror, one = -torch.ones(2, 1), torch.ones(2, 1)
     turn = torch.diag(torch.tensor([1.0, -1.0, 1.0])).repeat(2, 1, 1)
     points = torch.zeros(2, VIEWS, 16, 16, 3)
-    frame = Frame(points, torch.zeros(2, 3), truth, torch.zeros(2, TOOL))
+    frame = SightFrame(points, torch.zeros(2, 3), truth, torch.zeros(2, TOOL))
     _, varied = turned(frame, truth, turn, one, mirror)
     door, before = varied[1], truth[1]
     out = torch.linalg.cross(door[C["along"]], door[C["axis"]])
@@ -154,7 +154,7 @@ def test_directions_have_length_one_and_a_view_without_a_point_is_no_error() -> 
     points = 0.3 * torch.randn(2, VIEWS, 16, 16, 3)
     points[1] = torch.nan
     network = SightNetwork(16).eval()
-    frame = Frame(points, torch.zeros(2, 3), torch.zeros(2, WIDTH), torch.zeros(2, TOOL))
+    frame = SightFrame(points, torch.zeros(2, 3), torch.zeros(2, WIDTH), torch.zeros(2, TOOL))
     estimate, guess, mask = network(frame)
     assert estimate.isfinite().all() and guess.isfinite().all() and mask.shape == (2, VIEWS, 4, 4)
     for name in VECTORS:

@@ -15,10 +15,10 @@ from torch import nn
 from s2a import tasks
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.learn.perception.sight import TOOL, WIDTH, C, Frame, SightNetwork, fractions, moved_target, observed
+from s2a.learn.perception.sight import TOOL, WIDTH, C, SightFrame, SightNetwork, fractions, moved_target, observed
 from s2a.learn.rl import policy_file
 from s2a.learn.rl.policy_file import PolicyFile
-from s2a.sim.depth_cameras import SIZE, VIEWS, DepthCameraConfig, View, WorldCameras, tool_poses
+from s2a.sim.depth_cameras import SIZE, VIEWS, DepthCameraConfig, DepthView, WorldCameras, tool_poses
 from s2a.sim.simulation import SimConfig
 from s2a.tasks.base import MdpConfig, active, columns_of
 from s2a.tasks.env import VecEnv
@@ -69,7 +69,7 @@ class Sighting:
         is_part: fraction of each cell's pixels on the part, shape [world view cell cell].
     """
 
-    frame: Frame
+    frame: SightFrame
     about: torch.Tensor
     is_part: torch.Tensor
 
@@ -150,7 +150,7 @@ class Follower:
         points = torch.stack([_relative(view, about) for view in views], dim=1)
         is_part = cells(torch.stack([view.is_part for view in views], dim=1))
         target = torch.where(first, self._target, now) - about
-        return Sighting(Frame(points, target, before, inputs), about, is_part)
+        return Sighting(SightFrame(points, target, before, inputs), about, is_part)
 
     @torch.no_grad()
     def act(self, observation: torch.Tensor) -> torch.Tensor:
@@ -182,7 +182,7 @@ class Follower:
         out[:, C["opening"]] += speed
         return out
 
-    def _pointed(self, wide: View) -> tuple[torch.Tensor, torch.Tensor]:
+    def _pointed(self, wide: DepthView) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the place under the one pixel of each world, base frame [m], and where it shows something, shape [world]."""
         n, pixel = len(wide.is_part), self.cameras.config.pixel
         shown = (wide.valid if pixel else wide.is_part).flatten(1)
@@ -220,7 +220,7 @@ class Follower:
         return Image.fromarray(pixels.repeat(3, axis=0).repeat(3, axis=1))
 
 
-def _relative(view: View, about: torch.Tensor) -> torch.Tensor:
+def _relative(view: DepthView, about: torch.Tensor) -> torch.Tensor:
     """Return a view's points from a place of each world, NaN where nothing was measured."""
     return torch.where(view.valid[..., None], view.points - about[:, None, None], torch.nan)
 
@@ -282,7 +282,7 @@ def file_of(path: Path) -> Path:
     """Return the file that a path or the name of a bundled policy means; InputError where there is none."""
     if not is_depth(path):
         return policy_file.file_of(path)
-    file = Path(__file__).parents[1] / "policies" / f"open_part{DEPTH}" if str(path) == PRETRAINED_DEPTH else path
+    file = Path(__file__).parents[1] / "policies/open_part.depth" if str(path) == PRETRAINED_DEPTH else path
     if not file.is_file():
         raise InputError(f"policy {str(path)!r}: no such file; give what s2a perceive wrote, or {PRETRAINED_DEPTH}")
     return file
@@ -325,8 +325,8 @@ def read_network(path: Path) -> SightNetwork:
 def export(network: SightNetwork, out: Path) -> list[Path]:
     """Write OUT_estimate.onnx and OUT_act.onnx, for any number of worlds, and return them.
 
-    The first takes a frame's "points", "target", "before", "tool" (`sight.Frame`) and returns the "estimate" relative to where
-    the points of the frame are. The second takes the "obs" of the policy of states, whatever they say of the part; the tool's
+    The first takes a frame's "points", "target", "before", "tool" (`sight.SightFrame`) and returns the "estimate", relative to
+    the place that its points are relative to. The second takes the "obs" of the policy of states, whatever they say of the part; the tool's
     "pose" [world 4 4] and the "estimate" in the base frame; and the time "later" [s] since it was made, shape [world 1]; and
     returns the "actions".
     """
@@ -360,7 +360,7 @@ class _EstimateGraph(nn.Module):
     def forward(
         self, points: torch.Tensor, target: torch.Tensor, before: torch.Tensor, tool: torch.Tensor
     ) -> torch.Tensor:
-        return fractions(self.network(Frame(points, target, before, tool))[0])
+        return fractions(self.network(SightFrame(points, target, before, tool))[0])
 
 
 class _ActGraph(nn.Module):

@@ -42,7 +42,7 @@ VECTORS = ("across", "inwards", "axis", "along")
 
 
 @dataclass
-class Frame:
+class SightFrame:
     """What the network takes, of each world.
 
     Attributes:
@@ -82,7 +82,7 @@ class SightNetwork(nn.Module):
             _layers(2 * width + 2 * width + width + 2 * width, 4 * width, 2 * width), nn.Linear(2 * width, WIDTH)
         )
 
-    def forward(self, frame: Frame) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    def forward(self, frame: SightFrame) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Return estimates [world WIDTH], guesses of the grasp point [world 3], and logits of the mask [world view cell cell]."""
         n, views, high, wide = frame.points.shape[:4]
         valid = frame.points[..., :1].isfinite()
@@ -304,8 +304,8 @@ def loss(
 
 
 def turned(
-    frame: Frame, truth: torch.Tensor, turn: torch.Tensor, scale: torch.Tensor, mirror: torch.Tensor
-) -> tuple[Frame, torch.Tensor]:
+    frame: SightFrame, truth: torch.Tensor, turn: torch.Tensor, scale: torch.Tensor, mirror: torch.Tensor
+) -> tuple[SightFrame, torch.Tensor]:
     """Return frames and truths turned by matrices [world 3 3], mirrored ones included, and scaled, shape [world 1].
 
     `mirror`: -1 where a matrix mirrors, else 1, shape [world 1].
@@ -317,7 +317,7 @@ def turned(
     points = _turn(turn, frame.points) * scale[:, :, None, None, None]
     before = turned_estimate(frame.before, turn, scale, mirror, hinge)
     after = turned_estimate(truth, turn, scale, mirror, hinge)
-    return Frame(points, _turn(turn, frame.target) * scale, before, torch.cat(tool, dim=1)), after
+    return SightFrame(points, _turn(turn, frame.target) * scale, before, torch.cat(tool, dim=1)), after
 
 
 def turned_estimate(

@@ -325,10 +325,10 @@ def read_network(path: Path) -> SightNetwork:
 def export(network: SightNetwork, out: Path) -> list[Path]:
     """Write OUT_estimate.onnx and OUT_act.onnx, for any number of worlds, and return them.
 
-    The first takes a frame's "points", "target", "before", "tool" (`sight.SightFrame`) and returns the "estimate", relative to
-    the place that its points are relative to. The second takes the "obs" of the policy of states, whatever they say of the part; the tool's
-    "pose" [world 4 4] and the "estimate" in the base frame; and the time "later" [s] since it was made, shape [world 1]; and
-    returns the "actions".
+    The first takes the "points", "target", "before" and "tool" of a frame (`sight.SightFrame`) and returns the "estimate",
+    relative to the place that the points are relative to. The second takes the "obs" of the policy of states, whatever they say
+    of the part; the tool's "pose" [world 4 4]; the "estimate" in the base frame; and the time "later" [s] since it was made,
+    shape [world 1]. It returns the "actions".
     """
     policy, (_, task) = StatePolicy(Path(policy_file.PRETRAINED)), state_world()
     joints = policy.mlp[-1].out_features

@@ -143,7 +143,7 @@ def run(config: Config) -> str:
     begun = time.perf_counter()
     for frame in track(range(config.frames), "perceive"):
         done = frame / config.frames
-        trainer.drive(taught=0.0 if config.init else 1.0 - done / TAUGHT_FIRST)
+        trainer.drive(taught=0.0 if config.init else max(0.0, 1.0 - done / TAUGHT_FIRST))
         trainer.learn(min(1.0, max(0.05, (1.0 - done) / FALL)))
         if frame % max(1, config.frames // 50) == 0 and trainer.losses:
             history.append({name: round(float(term), 4) for name, term in trainer.losses.items()})

@@ -154,12 +154,12 @@ def run(config: Config) -> str:
     config.out.mkdir(parents=True, exist_ok=True)
     write_network(trainer.acting, config.out / f"policy{DEPTH}")
     export(trainer.acting, config.out / f"policy{DEPTH}")
-    metrics = _measured(trainer, entries, config, held)
+    measured = _measured(trainer, entries, config, held)
     about = {"settings": json.loads(json.dumps(as_json(asdict(config)), default=str)), "train_seconds": round(trained)}
     with atomic_write(config.out / "metrics.json") as file:
-        file.write_text(json.dumps({**about, **metrics, "losses": history, **provenance(device)}, indent=1))
+        file.write_text(json.dumps({**about, **measured, "losses": history, **provenance(device)}, indent=1))
     rates = [
-        f"{name} {row['rate']:.1%} [{row['low']:.1%}, {row['high']:.1%}]" for name, row in metrics["rates"].items()
+        f"{name} {row['rate']:.1%} [{row['low']:.1%}, {row['high']:.1%}]" for name, row in measured["rates"].items()
     ]
     where = "rooms that were held out" if held.any() else "rooms that it was trained on"
     return f"{config.out / f'policy{DEPTH}'}: in {where}: {', '.join(rates)}"

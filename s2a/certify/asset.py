@@ -175,6 +175,8 @@ def units(subject: AssetSubject, bounds: AssetBounds) -> list[Check]:
     per, up = asset.units
     if asset.kind == "USD" and per is None:
         problems.append((asset.path.name, "states no metersPerUnit: importers take a centimetre or a metre"))
+    elif per != 1.0:
+        problems.append((asset.path.name, f"states metersPerUnit={per:g}, and Newton takes its numbers as metres"))
     if asset.kind == "USD" and up is None:
         problems.append((asset.path.name, "states no upAxis: importers take y or z"))
     for body in asset.bodies.values():

@@ -4,9 +4,11 @@ Colliders, masses, damping and limits change; surfaces, frames and axes do not. 
 original, which stays as it is.
 """
 
+import contextlib
+import itertools
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -76,14 +78,16 @@ def plan(subject: AssetSubject, report: ValidationReport, trim: Trim, split: Spl
     if names & {"rest_overlap", "range_overlap", "filled_air"}:
         _part(asset, subject, edits, trim, split)
     if "structure" in names:
-        for name in asset.swapped:
-            joint = asset.joints[name]
+        for joint in (asset.joints[name] for name in asset.swapped if name in asset.joints):
+            name = joint.name
             edits.limits[name] = tuple(q + joint.rest for q in joint.motion.limits)  # type: ignore[assignment]
             edits.notes.append(f"{name}: limits swapped")
     if asset.kind == "URDF" and "newton_import" in names:  # Newton takes no limits for a range of 0
         hinges = [joint for joint in xml(asset.path).findall("joint") if joint.get("type") == "revolute"]
         edits.endless = {str(joint.get("name")) for joint in hinges if joint.find("limit") is None}
         edits.notes += [f"{name}: continuous, for it has no limits" for name in sorted(edits.endless)]
+    if asset.kind == "USD" and None in asset.units:
+        edits.notes.append(f"metersPerUnit={asset.units[0] or 1:g} and upAxis stated, as Newton reads it")
     if "limits" in names and asset.kind != "URDF":
         edits.stiff = {name for name, joint in asset.joints.items() if joint.limited}
         edits.notes.append(f"limits of {len(edits.stiff)} joints stiffened")
@@ -180,7 +184,8 @@ def _part(asset: Asset, subject: AssetSubject, edits: Edits, trim: Trim, split: 
             edits.notes.append(f"{name}: {len(body.colliders)} colliders trimmed to {len(pieces)}")
     after = _edited(asset, edits)
     for name, joint in after.joints.items():
-        if not joint.driven and (limits := _free_range(after, joint)) is not None:
+        # of a hinge without limits, as a knob's, the file says that it turns on
+        if not joint.driven and joint.limited and (limits := _free_range(after, joint)) is not None:
             edits.limits[name] = (limits[0] + joint.rest, limits[1] + joint.rest)
             edits.notes.append(f"{name}: range cut to {edits.limits[name][0]:.4g} to {edits.limits[name][1]:.4g}")
 
@@ -255,19 +260,31 @@ def write(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
         home: where the folder will be: from there the file names the original's meshes.
 
     Raises:
-        InputError: an MJCF that MuJoCo cannot read.
+        InputError: an MJCF that MuJoCo cannot read, or a USD in other units than metres.
     """
+    if asset.units[0] not in (None, 1.0):  # all masses and sizes would be of another size
+        raise InputError(
+            f"{asset.path}: states metersPerUnit={asset.units[0]:g}; convert it to metres before its repair"
+        )
     if asset.kind == "MJCF" and "MuJoCo" not in asset.models:
         raise InputError(f"{asset.path}: cannot be repaired before MuJoCo reads it: {asset.problems['MuJoCo']}")
     (folder / HULL_FOLDER).mkdir()
-    {"URDF": _write_urdf, "MJCF": _write_mjcf, "USD": _write_usd}[asset.kind](asset, edits, folder, home.absolute())
+    {"URDF": _write_urdf, "MJCF": _write_mjcf, "USD": _write_usd}[asset.kind](asset, edits, folder, home.resolve())
 
 
 def _hull_file(folder: Path, body: str, number: int, mesh: Mesh) -> str:
     """Write a hull; return its path from the repaired file."""
     name = "".join(c if c.isalnum() or c in "-_" else "_" for c in body)
-    write_hull(folder / HULL_FOLDER / f"{name}_{number}.obj", mesh)
-    return f"{HULL_FOLDER}/{name}_{number}.obj"
+    while (file := folder / HULL_FOLDER / f"{name}_{number}.obj").exists():  # of a body with almost the same name
+        name += "_"
+    write_hull(file, mesh)
+    return f"{HULL_FOLDER}/{file.name}"
+
+
+def _free_names(prefix: str, taken: Iterable[str]) -> Iterator[str]:
+    """Yield names that begin with a prefix and are none of those taken, as by an earlier repair."""
+    names = set(taken)
+    return (name for k in itertools.count() if (name := f"{prefix}{k}") not in names)
 
 
 def _words(values: Sequence[float] | np.ndarray) -> str:
@@ -277,7 +294,12 @@ def _words(values: Sequence[float] | np.ndarray) -> str:
 def _write_urdf(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
     robot = xml(asset.path)
     for shape in robot.iter("mesh"):
-        shape.set("filename", os.path.relpath(mesh_file(asset.path.parent, str(shape.get("filename"))), home))
+        file = mesh_file(asset.path.parent, str(shape.get("filename")))
+        shape.set("filename", os.path.relpath(file.resolve(), home))
+    for texture in robot.iter("texture"):
+        with contextlib.suppress(InputError):  # one that is missing stays so
+            file = mesh_file(asset.path.parent, str(texture.get("filename")))
+            texture.set("filename", os.path.relpath(file.resolve(), home))
     for link in robot.findall("link"):
         name = str(link.get("name"))
         if name in edits.masses:
@@ -312,13 +334,17 @@ def _write_urdf(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
 
 def _write_mjcf(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
     spec, original = mujoco.MjSpec.from_file(str(asset.path)), asset.path.parent.resolve()
+
+    def absolute(folder: str, file: str) -> str:
+        return file and str(original / folder / (Path(file).name if spec.strippath else file))
+
     # absolute until it is compiled, without which MuJoCo writes nothing
     for each in (*spec.meshes, *spec.hfields):
-        each.file = each.file and str(original / spec.meshdir / each.file)
+        each.file = absolute(spec.meshdir, each.file)
     for each in spec.textures:
-        each.file = each.file and str(original / spec.texturedir / each.file)
-        each.cubefiles = [file and str(original / spec.texturedir / file) for file in each.cubefiles]
-    spec.meshdir = spec.texturedir = ""
+        each.file = absolute(spec.texturedir, each.file)
+        each.cubefiles = [absolute(spec.texturedir, file) for file in each.cubefiles]
+    spec.meshdir, spec.texturedir, spec.strippath = "", "", False
     if spec.compiler.inertiafromgeom == int(
         mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     ):  # of all, whatever is stated
@@ -344,7 +370,13 @@ def _write_mjcf(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
             joint.range = list(edits.limits[name]) if not spec.compiler.degree else list(np.degrees(edits.limits[name]))
         if name in edits.stiff:
             joint.solref_limit, joint.solimp_limit = STOP
-    spec.compile()
+    try:
+        spec.compile()
+    except ValueError as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(
+            f"{asset.path}: its repair does not compile ({reason}); remove what names its colliders"
+        ) from error
     root = ElementTree.fromstring(spec.to_xml())
     for tag in root.iter():
         for key in [key for key in tag.keys() if key.startswith("file")]:
@@ -378,8 +410,10 @@ def _replace_geoms(
                 spec.delete(geom)
             else:
                 geom.contype = geom.conaffinity = 0
+    names = _free_names(f"{name}_hull_", [mesh.name for mesh in spec.meshes])
     for k, mesh in enumerate(pieces):
-        asset = spec.add_mesh(name=f"{name}_hull_{k}")
+        asset = spec.add_mesh(name=next(names))
+        asset.scale = [1.0, 1.0, 1.0]  # not that of the file's default class
         asset.file = str(folder.absolute() / _hull_file(folder, name, k, mesh))
         geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=asset.name, group=3, mass=0.0)
         geom.contype = geom.conaffinity = 1
@@ -402,7 +436,7 @@ def _write_usd(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
 def _override(stage: Usd.Stage, asset: Asset, edits: Edits) -> None:
     """Write edits over the prims of a stage."""
     UsdGeom.SetStageMetersPerUnit(stage, asset.units[0] or 1.0)
-    UsdGeom.SetStageUpAxis(stage, asset.units[1] or "Z")
+    UsdGeom.SetStageUpAxis(stage, asset.units[1] or UsdGeom.GetFallbackUpAxis())
     prims = {str(prim.GetPath()).replace("/", "_"): prim for prim in stage.Traverse()}
     for name, (mass, center, inertia) in edits.masses.items():
         api = UsdPhysics.MassAPI.Apply(prims[name])
@@ -414,13 +448,15 @@ def _override(stage: Usd.Stage, asset: Asset, edits: Edits) -> None:
         api.CreateDiagonalInertiaAttr(Gf.Vec3f(*map(float, moments)))
         api.CreatePrincipalAxesAttr(Gf.Quatf(w, x, y, z))
     for name, pieces in edits.colliders.items():
-        owner = prims[name]
-        for prim in Usd.PrimRange(owner):
-            if prim.HasAPI(UsdPhysics.CollisionAPI):
-                UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
-        for k, mesh in enumerate(pieces):
-            hull = UsdGeom.Mesh.Define(stage, owner.GetPath().AppendChild(f"hull_{k}"))
-            hull.CreatePointsAttr(mesh.vertices)
+        owner = prims[name] if name != WORLD else stage.GetDefaultPrim() or stage.GetPseudoRoot().GetChildren()[0]
+        for prim in Usd.PrimRange(owner) if name != WORLD else stage.Traverse():
+            if prim.HasAPI(UsdPhysics.CollisionAPI) and _body_of(prim) == (owner if name != WORLD else None):
+                if not prim.IsA(UsdGeom.Plane):
+                    UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
+        names = _free_names("hull_", owner.GetAllChildrenNames())
+        for mesh in pieces:
+            hull = UsdGeom.Mesh.Define(stage, owner.GetPath().AppendChild(next(names)))
+            hull.CreatePointsAttr(_local(owner, mesh.vertices, name == WORLD))
             hull.CreateFaceVertexCountsAttr([3] * len(mesh.faces))
             hull.CreateFaceVertexIndicesAttr(mesh.faces.ravel().tolist())
             hull.CreatePurposeAttr(UsdGeom.Tokens.guide)
@@ -428,13 +464,34 @@ def _override(stage: Usd.Stage, asset: Asset, edits: Edits) -> None:
             UsdPhysics.CollisionAPI.Apply(hull.GetPrim())
             UsdPhysics.MeshCollisionAPI.Apply(hull.GetPrim()).CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
     for name, value in edits.damping.items():
-        prims[name].CreateAttribute("newton:damping", Sdf.ValueTypeNames.Float).Set(float(value))
+        # of a hinge [N m s/degree], as USD counts angles
+        scale = np.pi / 180.0 if prims[name].IsA(UsdPhysics.RevoluteJoint) else 1.0
+        prims[name].CreateAttribute("newton:damping", Sdf.ValueTypeNames.Float).Set(float(value) * scale)
     for name, limits in edits.limits.items():
         turn = prims[name].IsA(UsdPhysics.RevoluteJoint)
         low, high = map(float, np.degrees(limits) if turn else limits)
         joint = UsdPhysics.RevoluteJoint(prims[name]) if turn else UsdPhysics.PrismaticJoint(prims[name])
         joint.CreateLowerLimitAttr(low)
         joint.CreateUpperLimitAttr(high)
+
+
+def _body_of(prim: Usd.Prim) -> Usd.Prim | None:
+    """Return the body that a prim belongs to; None: it does not move."""
+    while prim and not prim.HasAPI(UsdPhysics.RigidBodyAPI):
+        prim = prim.GetParent()
+    return prim or None
+
+
+def _local(owner: Usd.Prim, points: np.ndarray, fixed: bool) -> np.ndarray:
+    """Return points [n 3] of a body's frame, or of the world with z up where it is `fixed`, in a prim's own coordinates."""
+    whole = UsdGeom.XformCache().GetLocalToWorldTransform(owner)
+    frame = np.array(whole.RemoveScaleShear())
+    if fixed:
+        frame = np.eye(4)
+        if UsdGeom.GetStageUpAxis(owner.GetStage()) == UsdGeom.Tokens.y:  # (x, -z, y) is (x, y, z) with z up
+            frame[1:3, 1:3] = [[0.0, -1.0], [1.0, 0.0]]
+    moved = np.c_[points, np.ones(len(points))] @ frame @ np.linalg.inv(np.array(whole))
+    return moved[:, :3]
 
 
 def same_visuals(one: Asset, other: Asset) -> bool:

@@ -174,7 +174,9 @@ def _claim(path: Path, made: dict[str, Any], entries: Sequence[pool.PoolPart], r
         other = claimed["settings"].get(key)
         if other != value:
             short = (
-                other if not isinstance(value, dict) else {k: other.get(k) for k in value if other.get(k) != value[k]}
+                other
+                if not isinstance(value, dict) or not isinstance(other, dict)
+                else {k: other.get(k) for k in value if other.get(k) != value[k]}
             )
             raise InputError(f"verify {str(path)!r} was measured with another key {key!r}: {short}; give the same")
     try:
@@ -202,6 +204,8 @@ def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
         world, name = read_world(path), f"{path.absolute().parent.name}_{path.stem}"
     else:
         file = read_policy(path, config.depth_camera)
+        if follow.is_depth(path) and (config.grasp_error is not None or config.grasp_turn is not None):
+            raise InputError("keys 'grasp_error' and 'grasp_turn' are of policies that observe true poses; drop them")
         world, name = file.worlds(config.sim, config.task), Path(file.name).stem
     if world is None:
         raise InputError(

@@ -94,13 +94,15 @@ def overview(folder: Path) -> str:
 def _asset(config: Config) -> str:
     """Certify an asset of others, and repair it where that is asked; return the verdicts; CheckFailed: a check failed."""
     assert config.asset is not None
-    refuse_loss(config.out, RECORD, [config.asset])
+    refuse_loss(config.out, RECORD, [config.asset, *([config.repair / config.asset.name] if config.repair else [])])
+    if config.repair:
+        refuse_loss(config.repair, repair.HULL_FOLDER, [config.asset, config.out / RECORD])
     first, subject = certify_asset(config.asset)
     results = [replace(first, target="as given")]
     shown = {"as given": captioned(asset_images(subject.asset, config.camera))}
     if config.repair is not None:
         edits = repair.plan(subject, first, trimmed, split)
-        with atomic_write(config.repair, earlier=config.asset.name) as folder:
+        with atomic_write(config.repair, earlier=repair.HULL_FOLDER) as folder:
             folder.mkdir()
             repair.write(subject.asset, edits, folder, config.repair)
         again, other = certify_asset(config.repair / config.asset.name)

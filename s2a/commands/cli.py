@@ -107,7 +107,7 @@ def _is_out_of_memory(error: BaseException) -> bool:
 
 def _give_a_home() -> None:
     """Give a user who has no home that can be written, as in a container, one for caches: libraries would fail without."""
-    with contextlib.suppress(RuntimeError):  # nobody knows the user
+    with contextlib.suppress(RuntimeError, OSError):  # nobody knows the user, or it is another one's home
         caches = Path.home() / ".cache"
         if os.access(next(path for path in (caches, *caches.parents) if path.exists()), os.W_OK):
             return

@@ -18,6 +18,7 @@ from s2a.commands.certify import trimmed
 from s2a.core.check import ValidationReport
 from s2a.core.errors import InputError
 from s2a.prepare.neighbours import split
+from s2a.scene.scene import Mesh
 from s2a.sim.asset import read
 
 BOX = '<origin xyz="{at}"/><geometry><box size="{size}"/></geometry>'
@@ -166,6 +167,34 @@ def test_mjcf_and_usd_are_certified_and_repaired_in_their_own_format(tmp_path: P
         assert again.failed == () and same
 
 
+def test_a_repair_writes_hulls_in_metres_and_damping_per_radian_whatever_the_file_scales(tmp_path: Path) -> None:
+    made = trimesh.creation.box((0.1, 0.2, 0.3))
+    piece = Mesh(made.vertices, made.faces)
+    drawer = tmp_path / "drawer.xml"
+    drawer.write_text(
+        MJCF.format(i="0.06").replace("<worldbody>", '<default><mesh scale="0.1 0.1 0.1"/></default><worldbody>')
+    )
+    stage = Usd.Stage.Open(str(usd(hinge := tmp_path / "hinge.usda", 0.06)))
+    stage.RemovePrim("/asset/slide")
+    UsdGeom.Xformable(stage.GetPrimAtPath("/asset/drawer")).AddScaleOp().Set(Gf.Vec3f(2.0))
+    wall = UsdGeom.Cube.Define(stage, "/asset/wall")
+    UsdPhysics.CollisionAPI.Apply(wall.GetPrim())
+    joint = UsdPhysics.RevoluteJoint.Define(stage, "/asset/hinge")
+    joint.CreateBody1Rel().SetTargets(["/asset/drawer"])
+    stage.Save()
+    for path in (drawer, hinge):
+        asset, home = read(path), tmp_path / path.suffix[1:]
+        (name,), (turn,) = set(asset.bodies) - {"world"}, asset.joints
+        edits = repair.Edits(colliders={name: [piece], "world": [piece]}, damping={turn: 2.0})
+        home.mkdir()
+        repair.write(asset, edits, home, home)
+        again = read(home / path.name)
+        assert again.joints[turn].damping == pytest.approx(2.0)
+        for body in again.bodies.values():
+            (collider,) = body.colliders
+            assert np.ptp(collider.bounds, axis=0) == pytest.approx([0.1, 0.2, 0.3])
+
+
 def test_the_command_reports_in_four_formats_and_ends_with_the_verdict(tmp_path: Path, capsys) -> None:
     path = cupboard(tmp_path / "deep.urdf", **DEFECTS["rest_overlap"])
     out = tmp_path / "report"
@@ -206,3 +235,15 @@ def test_stage_and_asset_exclude_each_other(tmp_path: Path, capsys) -> None:
     assert cli.main(["certify", f"out={tmp_path / 'out'}"]) == 2
     assert cli.main(["certify", "asset=a.urdf", "stage=b.usd", f"out={tmp_path / 'out'}"]) == 2
     assert capsys.readouterr().err.count("give stage=FILE") == 2
+
+
+def test_no_output_replaces_the_original_or_the_other_output(tmp_path: Path, capsys) -> None:
+    path, out = cupboard(tmp_path / "asset.urdf"), tmp_path / "out"
+    (tmp_path / "hulls").mkdir()
+    copies = tmp_path / "copies"
+    copies.mkdir()
+    cupboard(copies / path.name)
+    for folder, place in ((tmp_path, out), (copies, out), (out, out), (out / "repaired", out)):
+        assert cli.main(["certify", f"asset={path}", f"repair={folder}", f"out={place}"]) == 2
+    assert path.is_file() and (copies / path.name).is_file() and not out.exists()
+    assert len(capsys.readouterr().err.strip().splitlines()) == 4

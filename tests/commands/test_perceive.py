@@ -82,6 +82,7 @@ def test_a_policy_is_trained_on_some_rooms_measured_on_others_and_used(index: Pa
     [
         (["held_out=.*"], "leaves no room to train on"),
         (["num_envs=1"], "has 2 parts"),
+        (["frames=0"], "no policy to measure"),
         (["init=nobody.depth"], "no such file"),
     ],
 )

@@ -306,6 +306,8 @@ def _readable(file: Path, target: Path) -> Path:
         raise InputError(f"{file}: cannot be read as a mesh ({' '.join(str(error).split())[:100]})") from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise InputError(f"{file}: holds no triangles; give a mesh")
+    if suffix == ".dae" and (unit := str(mesh.units).removesuffix(" * meters")) != str(mesh.units):
+        mesh.apply_scale(float(unit))  # as ROS does; trimesh leaves it to others
     mesh.visual = trimesh.visual.ColorVisuals()
     mesh.export(str(target.with_suffix(".obj")), include_texture=False, include_normals=False)
     return target.with_suffix(".obj")

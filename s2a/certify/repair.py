@@ -260,8 +260,10 @@ def write(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
         home: where the folder will be: from there the file names the original's meshes.
 
     Raises:
-        InputError: an MJCF that MuJoCo cannot read, or a USD in other units than metres.
+        InputError: an MJCF that MuJoCo cannot read, a package of USD, or a USD in other units than metres.
     """
+    if asset.path.suffix.lower() == ".usdz":
+        raise InputError(f"{asset.path}: a .usdz is read alone; unpack it, and give the .usd or .usda in it")
     if asset.units[0] not in (None, 1.0):  # all masses and sizes would be of another size
         raise InputError(
             f"{asset.path}: states metersPerUnit={asset.units[0]:g}; convert it to metres before its repair"

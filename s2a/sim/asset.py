@@ -370,10 +370,10 @@ def _spec(source: Path, path: Path, free: bool) -> tuple[mujoco.MjSpec, tuple[st
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())[:300]}") from error
     swapped = []
-    for joint in spec.joints:
+    for k, joint in enumerate(spec.joints):
         low, high = joint.range
         if low > high and joint.limited != mujoco.mjtLimited.mjLIMITED_FALSE:
-            swapped.append(joint.name)
+            swapped.append(joint.name or f"joint_{k}")
             joint.range = [high, low]
     if free and (root := spec.worldbody.first_body()) is not None and not root.joints:
         root.add_freejoint()

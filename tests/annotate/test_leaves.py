@@ -53,10 +53,16 @@ def test_flat_doors_are_two_where_their_width_is_a_module_of_two(width: int, hei
     assert len(leaves(flat, CellBox(0, 0, width, height), OUT)) == 1
 
 
+@pytest.mark.parametrize(("left", "count"), [(6, 1), (36, 2), (66, 1)])
+def test_a_door_with_its_handle_beside_the_middle_is_one(left: int, count: int) -> None:
+    flat = plane(np.zeros((60, 75)))
+    assert len(leaves(flat, CellBox(0, 0, 75, 60), LEFT, CellBox(left, 25, left + 4, 35))) == count
+
+
 def test_a_front_ends_where_its_plane_does() -> None:
     height = np.full((80, 90), np.nan)
     height[10:70, 20:70] = 0.0
-    assert scanned(plane(height), CellBox(12, 5, 85, 66)) == CellBox(20, 10, 70, 66)
+    assert scanned(plane(height), CellBox(12, 5, 78, 66)) == CellBox(20, 10, 70, 66)
 
 
 def test_planes_of_coarse_meshes_are_thicker_by_what_their_edges_are_longer() -> None:

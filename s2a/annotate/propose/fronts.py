@@ -58,10 +58,11 @@ THIN = 1e-3  # [m] A cell is farther from each side of its front: a rectangle ha
 BESIDE = 0.2
 AT_HINGE = 0.3  # Of a front's breadth: what is seen nearer to its hinge is no handle, but a frame or another front's
 SCANNED = 0.5  # Fraction of a column or a row of cells at a front's side that holds surface of its plane, at least
-# [m] Narrowest leaf of a pair, widest single door of a cabinet, widest pair without visible frames, and its height at
-# most. Modules of kitchens are 0.3, 0.4, 0.45, 0.5, 0.6, 0.8 and 0.9 m wide; one door is usual up to 0.6 m, two from
+REMAINS = 0.72  # Fraction of a front's width and height that holds surface of its plane, at least; of windows less does
+# [m] Narrowest leaf of a pair, widest single door of a cabinet and of one whose handle is beside its middle, widest pair
+# without visible frames, and its height at most. Modules of kitchens are 0.3, 0.4, 0.45, 0.5, 0.6, 0.8 and 0.9 m wide; one door is usual up to 0.6 m, two from
 # 0.8 m on
-NARROW, SINGLE, PAIR, TALL_DOOR = 0.2, 0.65, 1.0, 1.2
+NARROW, SINGLE, WIDEST, PAIR, TALL_DOOR = 0.2, 0.65, 0.8, 1.0, 1.2
 # [m] The stiles of two framed doors stand out over their panels by more, also where a mesh has smeared them
 STILE = 0.0015
 
@@ -102,13 +103,16 @@ def fronts(layer: layers.Layer, maps: tuple[np.ndarray, ...], config: layers.Pro
         rectangle = scanned(layer, CellBox(*map(float, box)))
         if (np.array([rectangle.width, rectangle.height]) * config.cell < config.min_front).any():
             continue
-        for leaf, motion_of_leaf in leaves(layer, rectangle, opens):
+        for leaf, motion_of_leaf in leaves(layer, rectangle, opens, _handle(handle, rectangle)):
             grip = _handle(handle, leaf)
             yield SeenFront(leaf, motion_of_leaf or _hinged(opens, leaf, grip), score, grip)
 
 
 def scanned(layer: layers.Layer, box: CellBox) -> CellBox:
-    """Return a rectangle without the columns and rows at its sides that hold hardly any surface of the plane."""
+    """Return a rectangle without the columns and rows at its sides that hold hardly any surface of the plane.
+
+    Where less than REMAINS of a side would be left, it is a window, whose glass is not scanned, and stays as it is.
+    """
     rows, columns = (slice(max(cells.start, 0), cells.stop) for cells in box.cells)
     seen = ~np.isnan(layer.height[rows, columns])
     if not seen.size:
@@ -119,17 +123,24 @@ def scanned(layer: layers.Layer, box: CellBox) -> CellBox:
         if len(filled):
             sides[low] = max(sides[low], float(start + filled[0]))
             sides[high] = min(sides[high], float(start + filled[-1] + 1))
-    return CellBox(*sides)
+    part = CellBox(*sides)
+    return part if part.width >= REMAINS * box.width and part.height >= REMAINS * box.height else box
 
 
-def leaves(layer: layers.Layer, box: CellBox, motion: Motion) -> list[tuple[CellBox, Motion | None]]:
-    """Return the doors of a rectangle: two leaves that open away from their seam, each with its motion, or one without."""
+def leaves(
+    layer: layers.Layer, box: CellBox, motion: Motion, handle: CellBox | None = None
+) -> list[tuple[CellBox, Motion | None]]:
+    """Return the doors of a rectangle: two leaves that open away from their seam, each with its motion, or one without.
+
+    A handle beside the middle is that of one door, up to WIDEST; two leaves have theirs at the seam.
+    """
     whole: list[tuple[CellBox, Motion | None]] = [(box, None)]
     wide, high = box.width * layer.cell, box.height * layer.cell
     if motion[0] != "hinge" or wide < 2 * NARROW:
         return whole
-    upright = motion[1] in ("left", "right")
-    if not (upright and SINGLE < wide < PAIR and high < TALL_DOOR) and _stile(layer, box) < STILE:
+    widest_single = WIDEST if abs(_beside(box, handle)) >= BESIDE else SINGLE
+    is_pair = motion[1] in ("left", "right") and widest_single < wide < PAIR and high < TALL_DOOR
+    if not is_pair and _stile(layer, box) < STILE:
         return whole
     middle = box.middle[0]
     return [(replace(box, right=middle), ("hinge", "left")), (replace(box, left=middle), ("hinge", "right"))]
@@ -164,10 +175,15 @@ def _hinged(motion: Motion, box: CellBox, handle: CellBox | None) -> Motion:
     """Return a motion, of a door about the side away from a handle that is beside its middle."""
     if handle is None or motion not in (("hinge", "left"), ("hinge", "right")):
         return motion
-    off = (handle.middle[0] - box.middle[0]) / box.width
+    off = _beside(box, handle)
     if abs(off) < BESIDE:
         return motion
     return ("hinge", "left") if off > 0 else ("hinge", "right")
+
+
+def _beside(box: CellBox, handle: CellBox | None) -> float:
+    """Return how far a handle is to the right of a front's middle, as a fraction of its width; 0: there is none."""
+    return 0.0 if handle is None else (handle.middle[0] - box.middle[0]) / box.width
 
 
 def _cells(box: np.ndarray) -> int:

@@ -60,8 +60,8 @@ AT_HINGE = 0.3  # Of a front's breadth: what is seen nearer to its hinge is no h
 SCANNED = 0.5  # Fraction of a column or a row of cells at a front's side that holds surface of its plane, at least
 REMAINS = 0.72  # Fraction of a front's width and height that holds surface of its plane, at least; of windows less does
 # [m] Narrowest leaf of a pair, widest single door of a cabinet and of one whose handle is beside its middle, widest pair
-# without visible frames, and its height at most. Modules of kitchens are 0.3, 0.4, 0.45, 0.5, 0.6, 0.8 and 0.9 m wide; one door is usual up to 0.6 m, two from
-# 0.8 m on
+# without visible frames, and its height at most. Modules of kitchens are 0.3, 0.4, 0.45, 0.5, 0.6, 0.8 and 0.9 m wide;
+# one door is usual up to 0.6 m, two from 0.8 m on
 NARROW, SINGLE, WIDEST, PAIR, TALL_DOOR = 0.2, 0.65, 0.8, 1.0, 1.2
 # [m] The stiles of two framed doors stand out over their panels by more, also where a mesh has smeared them
 STILE = 0.0015

@@ -151,6 +151,9 @@ def test_a_claim_is_verified_by_parts_that_nobody_foresees(
     none = [row | {"episodes": 0, "success": 1.0} for row in honest["parts"]]
     claim.write_text(json.dumps(honest | {"parts": none}))
     assert cli.main(verify) == 1 and "a row is not of 2 episodes" in capsys.readouterr().out
+    older = {key: value for key, value in honest["settings"].items() if key != "depth_camera"}
+    claim.write_text(json.dumps(honest | {"settings": older}))
+    assert cli.main(verify) == 2 and "another key 'depth_camera': None" in capsys.readouterr().err
     claim.write_text(json.dumps(honest | {"over_parts": {"all": {}}}))
     assert cli.main(verify) == 2 and "no results of s2a bench" in capsys.readouterr().err
     honest["over_parts"]["all"]["success"]["rate"] = 0.5

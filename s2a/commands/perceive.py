@@ -92,7 +92,8 @@ class Config:
 
     Attributes:
         stage: the index of a pool that was made with visuals.
-        out: folder of policy.depth, for policy=; policy_estimate.onnx and policy_act.onnx; and metrics.json.
+        out: folder of policy.depth, for policy=; policy_estimate.onnx and policy_act.onnx; and metrics.json. While it runs,
+            unfinished.depth is what it has learned.
         init: policy to begin with: pretrained_depth, or a .depth; null: none.
         held_out: regular expression of the rooms that are only measured on; null: none.
         frames: of all worlds that are trained on; 0: none, the policy is measured alone.
@@ -142,7 +143,7 @@ def run(config: Config) -> str:
     trainer = Trainer(env, cameras, network, config.network, torch.tensor(held[sim.stage_of_env]), config.seed)
     history: list[dict[str, float]] = []
     _stagger(env, config.seed)
-    begun = time.perf_counter()
+    begun, unfinished = time.perf_counter(), config.out / f"unfinished{DEPTH}"
     for frame in track(range(config.frames), "perceive"):
         done = frame / config.frames
         trainer.drive(taught=0.0 if config.init else max(0.0, 1.0 - done / TAUGHT_FIRST))
@@ -151,10 +152,11 @@ def run(config: Config) -> str:
             history.append({name: round(float(term), 4) for name, term in trainer.losses.items()})
         if frame % max(1, config.frames // 10) == 0:
             config.out.mkdir(parents=True, exist_ok=True)
-            write_network(trainer.acting, config.out / f"policy{DEPTH}")
+            write_network(trainer.acting, unfinished)
     trained = time.perf_counter() - begun
     config.out.mkdir(parents=True, exist_ok=True)
     write_network(trainer.acting, config.out / f"policy{DEPTH}")
+    unfinished.unlink(missing_ok=True)
     export(trainer.acting, config.out / f"policy{DEPTH}")
     measured = _measured(trainer, entries, config, held)
     about = {"settings": json.loads(json.dumps(as_json(asdict(config)), default=str)), "train_seconds": round(trained)}

@@ -90,7 +90,7 @@ class DisturbedCameras(WorldCameras):
 
     def _view(self, name: str, pose: torch.Tensor, error: tuple[torch.Tensor, torch.Tensor]) -> DepthView:
         view = super()._view(name, pose, error)
-        measured = torch.rand(view.valid.shape, generator=self._random, device=self._device) >= self.disturbance.holes
+        measured = torch.rand(view.valid.shape, generator=self.random, device=self._device) >= self.disturbance.holes
         return replace(view, valid=view.valid & measured, is_part=view.is_part & measured)
 
 

@@ -294,7 +294,8 @@ def run(config: Config) -> str:
         origin = {**_about(config, env), "policy": _who(config), **provenance(sim.device)}
         columns = run_episodes(env, policy, watch)
         metrics: dict[str, Any] = {"episodes": env.num_envs, **summary(env, columns)}
-        metrics |= {"limit_use": use.fractions(), **origin, "variation": variation(env.task.config, env.sim.config)}
+        differs = variation(env.task.config, env.sim.config) + ["depth cameras"] * isinstance(policy, Follower)
+        metrics |= {"limit_use": use.fractions(), **origin, "variation": differs}
         beyond = _beyond(policy, env) if isinstance(policy, Planner) and len(stages) == 1 else []
         metrics["beyond_plan"] = [name for name in beyond if metrics[name]["rate"] == 0.0]
         metrics["meanings"] = meanings({**env.task.RESULTS.rates, **env.task.RESULTS.values})

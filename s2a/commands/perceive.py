@@ -121,7 +121,13 @@ class Config:
 def run(config: Config) -> str:
     """Train, measure on the rooms that are held out, write the policy, and return the rates."""
     entries, stages = pool.read(config.stage), pool.stages(config.stage, DEFAULT_ROBOT)
-    held = np.array([bool(config.held_out and re.search(config.held_out, entry.room)) for entry in entries])
+    try:
+        held = np.array([bool(config.held_out and re.search(config.held_out, entry.room)) for entry in entries])
+    except re.error as error:
+        text = f"key 'held_out' is {config.held_out!r}: no regular expression ({error}); give one, such as _1\\d\\d"
+        raise InputError(text) from error
+    if not config.frames and not config.init:
+        raise InputError("key 'frames' is 0, and there is no policy to measure; give init=pretrained_depth or a .depth")
     if held.all() and config.frames:
         raise InputError(
             f"key 'held_out' is {config.held_out!r}, which leaves no room to train on; give a narrower pattern"
@@ -208,7 +214,8 @@ class Replay:
         self._of: dict[str, torch.Tensor] = {}
 
     def add(self, values: dict[str, torch.Tensor]) -> None:
-        """Add rows."""
+        """Add rows; of more than there is room for, the last."""
+        values = {name: value[-self._capacity :] for name, value in values.items()}
         if not self._of:
             self._of = {n: v.new_zeros(self._capacity, *v.shape[1:]) for n, v in values.items()}
         rows, device = len(values["truth"]), values["truth"].device

@@ -60,8 +60,8 @@ class DepthCameraConfig:
         calibration_shift: error of a camera's place in the robot's base frame: standard deviation in each direction [m].
         calibration_turn: error of its orientation: standard deviation about each axis [rad].
         delay: number of frames, of 0.1 s each, after which an estimate is used.
-        pixel: column and row of the pixel that selects the part, in the first of the stand's windows, seen from its best place;
-            null: a pixel of the part, drawn, seen from a place that is drawn, too.
+        pixel: column and row of the pixel that selects the part, in the first of the stand's windows, seen from its best place,
+            the same in all worlds; null: a pixel of the part, drawn, seen from a place that is drawn, too.
     """
 
     fov: Annotated[float, Above(0.0, 3.0)] = 0.9
@@ -98,18 +98,21 @@ class WorldCameras:
         config: their settings.
         visible: fraction of the grasp region that the best place of each world sees, shape [world].
         places: poses of the stand's camera that see enough, world frame, shape [world PLACES 4 4].
+        random: source of all that is drawn but the places.
     """
 
     def __init__(self, sim: Simulation, config: DepthCameraConfig, seed: int, size: int = SIZE) -> None:
         """Load the visuals of all rooms, and find places for the camera on a stand, the robots as they now are.
 
         Raises:
-            InputError: a room has no visuals, or the pixel is none of the window's.
+            InputError: a room has no visuals, or the pixel is none of the window's, or is given for several parts.
         """
         if config.pixel and max(config.pixel) >= size:
             raise InputError(
                 f"key 'depth_camera.pixel' is {list(config.pixel)}; give column and row from 0 to {size - 1}"
             )
+        if config.pixel and len(sim.stages) > 1:
+            raise InputError(f"key 'depth_camera.pixel' is of one part, and there are {len(sim.stages)}; leave it out")
         self._sim, self.config, self._size = sim, config, size
         self._n, self._device = sim.num_envs, sim.device
         with wp.ScopedDevice(sim.device):
@@ -136,17 +139,17 @@ class WorldCameras:
         wrist = np.eye(4)
         wrist[:3, :3], wrist[:3, 3] = Rotation.from_euler("xyz", WRIST[3:]).as_matrix(), WRIST[:3]
         self._wrist = torch.tensor(wrist, dtype=torch.float32, device=self._device)
-        self._random = torch.Generator(self._device).manual_seed(seed)
+        self.random = torch.Generator(self._device).manual_seed(seed)
         self._place = torch.zeros(self._n, dtype=torch.long, device=self._device)
         self._error = {name: (self._normal(0.0), self._normal(0.0)) for name in ("stand", "wrist")}
         self.visible, self.places = self._find_places(np.random.default_rng(seed))
 
     def _normal(self, deviation: float) -> torch.Tensor:
-        return deviation * torch.randn(self._n, 3, generator=self._random, device=self._device)
+        return deviation * torch.randn(self._n, 3, generator=self.random, device=self._device)
 
     def begin(self, worlds: torch.Tensor) -> None:
         """Draw place and calibration of the cameras of some worlds (shape [world], bool), whose episodes begin."""
-        drawn = torch.randint(PLACES, (self._n,), generator=self._random, device=self._device)
+        drawn = torch.randint(PLACES, (self._n,), generator=self.random, device=self._device)
         if self.config.pixel:
             drawn = torch.zeros_like(drawn)  # a user points in one image
         self._place = torch.where(worlds, drawn, self._place)
@@ -203,7 +206,7 @@ class WorldCameras:
     def _view(self, name: str, pose: torch.Tensor, error: tuple[torch.Tensor, torch.Tensor]) -> DepthView:
         depth, is_part = self._render(name, pose)
         valid = (depth > 0.05) & (depth < 4.0)
-        noise = torch.randn(depth.shape, generator=self._random, device=self._device)
+        noise = torch.randn(depth.shape, generator=self.random, device=self._device)
         measured = depth + self.config.noise * depth**2 * noise
         turn, shift = error
         axes = pose[:, :3, :3] + torch.cross(turn[:, :, None].expand(-1, -1, 3), pose[:, :3, :3], dim=1)
@@ -221,17 +224,19 @@ class WorldCameras:
         middle = np.stack([_middle(stage) for stage in stages])
         base = np.stack([stage.base[:3] for stage in stages])
         heading = np.arctan2(*(base - middle).T[[1, 0]])
-        regions = [stage.region.vertices[np.unique(stage.region.faces)] for stage in stages]
+        n = 1 if c.pixel else self._n  # a user points in one image, so that all worlds have that view
+        regions = [stage.region.vertices[np.unique(stage.region.faces)] for stage in stages[:n]]
         region = np.stack([points[random.integers(len(points), size=REGION_POINTS)] for points in regions])
-        region, grasp = self._tensor(region), self._tensor(np.stack([stage.grasp[:3] for stage in stages]))
+        region = self._tensor(region).expand(self._n, -1, -1)
+        grasp = self._tensor(np.stack([stage.grasp[:3] for stage in stages]))
         scores, poses = [], []
         self.refit()
         for _ in range(CANDIDATES):
-            around = heading + random.uniform(-c.azimuth, c.azimuth, self._n)
-            up = random.uniform(*c.elevation, self._n)
+            around = heading + random.uniform(-c.azimuth, c.azimuth, n)
+            up = np.broadcast_to(random.uniform(*c.elevation, n), around.shape)
             away = np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=1)
-            eye = self._tensor(middle + random.uniform(*c.distance, (self._n, 1)) * away)
-            aim = self._tensor(middle + random.uniform(-c.aim_error, c.aim_error, (self._n, 3)))
+            eye = self._tensor(middle + random.uniform(*c.distance, (n, 1)) * away)
+            aim = self._tensor(middle + random.uniform(-c.aim_error, c.aim_error, (n, 3)))
             pose = _look_at(eye, aim)
             pixels = self._render("wide", pose)[1].sum(dim=(1, 2))
             close = _look_at(eye, grasp)
@@ -239,7 +244,8 @@ class WorldCameras:
             seen = self._seen(depth, close, region)
             scores.append(torch.where(pixels >= MIN_PIXELS, seen.clamp(max=VISIBLE) + 0.01 * seen, -1.0))
             poses.append(pose)
-        score, order = torch.stack(scores, dim=1).sort(dim=1, descending=True)
+        score = torch.stack(scores, dim=1)[:n].expand(self._n, -1)
+        score, order = score.sort(dim=1, descending=True)
         good = (score[:, :PLACES] >= VISIBLE).sum(dim=1).clamp(min=1)
         pick = torch.arange(PLACES, device=self._device)[None] % good[:, None]  # the best again where few are good
         order = order.gather(1, pick)

@@ -81,7 +81,7 @@ class VecEnv:
         """
         self.sim, self.task, self.columns = sim, task, (*task.RESULTS.names, *ERRORS)
         self.num_envs, self.num_actions = sim.num_envs, sim.layout.robot_joints
-        self.max_episode_length, self._seed, self._graph = task.config.episode_steps, seed, graph
+        self.max_episode_length, self.seed, self._graph = task.config.episode_steps, seed, graph
         with wp.ScopedDevice(sim.device):
             weighted = weights_of(task.REWARDS, weights)
             lengths = task.observations, task.privileged, len(task.REWARDS), len(task.RESULTS.names)
@@ -107,7 +107,7 @@ class VecEnv:
             return
         self.max_episode_length = steps
         with wp.ScopedDevice(self.sim.device):
-            self._launch(kernels.seed_envs, self._seed, self.state.rng)
+            self._launch(kernels.seed_envs, self.seed, self.state.rng)
         self._begin()
 
     def _begin(self) -> None:

@@ -16,7 +16,7 @@ from part_worlds import make_env
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.commands.perceive import SightConfig, Trainer
+from s2a.commands.perceive import Replay, SightConfig, Trainer
 from s2a.core.errors import InputError
 from s2a.learn.perception import follow
 from s2a.learn.perception.follow import EVERY, PRETRAINED_DEPTH, DepthPolicy, Follower
@@ -214,6 +214,11 @@ def test_the_pixel_selects_the_place_and_one_that_shows_nothing_selects_none(tra
     assert not blind(trainer.env.observation.clone()).any() and not blind.started.any(), "nothing is in view"
     with pytest.raises(InputError, match="from 0 to 31"):
         WorldCameras(trainer.env.sim, replace(EXACT, pixel=(5, SIZE)), 0, SIZE)
+    with pytest.raises(InputError, match="of one part, and there are 2"):
+        WorldCameras(trainer.env.sim, replace(EXACT, pixel=(5, 5)), 0, SIZE)
+    one = Simulation(trainer.env.sim.stages[:1], trainer.env.sim.config, 2)
+    places = WorldCameras(one, replace(EXACT, pixel=(5, 5)), 0, SIZE).places
+    assert torch.equal(places[0], places[1]), "a pixel is one of the same view in all worlds"
 
 
 def test_a_file_is_read_as_it_was_written_and_others_are_refused(tmp_path: Path) -> None:
@@ -229,6 +234,33 @@ def test_a_file_is_read_as_it_was_written_and_others_are_refused(tmp_path: Path)
     for name, why in (("other", "not a policy of s2a perceive"), ("none", "no such file"), ("old", "another bundled")):
         with pytest.raises(InputError, match=why):
             follow.read_network(tmp_path / f"{name}.depth")
+
+
+def test_an_image_changes_nothing_of_what_is_seen_later(trainer: Trainer) -> None:
+    cameras, about = trainer.follower.cameras, trainer.truth()[:, C["point"]]
+    cameras.config = replace(EXACT, noise=0.01)
+    before = cameras.random.get_state()
+    first = cameras.see("wide", about).points
+    cameras.random.set_state(before)
+    trainer.follower.image(torch.arange(2))
+    assert torch.equal(cameras.see("wide", about).points, first)
+
+
+def test_more_frames_than_there_is_room_for_stay_in_step() -> None:
+    replay, rows = Replay(4), torch.arange(10.0)[:, None]
+    replay.add({"truth": rows, "tool": rows})
+    row = replay.sample(32)
+    assert torch.equal(row["truth"], row["tool"]) and set(row["truth"].flatten().tolist()) == {6.0, 7.0, 8.0, 9.0}
+
+
+def test_the_exported_policy_mirrors_the_fingers_where_it_holds_from_within(trainer: Trainer) -> None:
+    tool, estimate = tool_poses(trainer.env.sim, trainer.follower.cameras), trainer.truth()
+    estimate[:, C["within"]] = 1.0
+    columns, seen = trainer.env.task.columns, trainer.env.observation
+    graph = follow._ActGraph(trainer.policy, columns)
+    actions = graph(follow.felt(seen, columns, -torch.ones(2, 1)), tool, estimate, torch.zeros(2, 1))
+    mirrored = trainer.policy(observed(seen, columns, tool, estimate, 0.0).clamp(-5.0, 5.0)).clamp(-1.0, 1.0)
+    assert torch.equal(actions[:, :-2], mirrored[:, :-2]) and torch.equal(actions[:, -2:], -mirrored[:, -2:])
 
 
 @pytest.mark.slow

@@ -161,18 +161,10 @@ class Follower:
         self._later += step
         sense = self.sense * (1.0 - 2.0 * (estimate[:, C["within"]] > 0.5).float())
         tool, columns = tool_poses(self.env.sim, self.cameras), self.env.task.columns
-        believed = observed(self.felt(observation, sense), columns, tool, estimate, later)
+        believed = observed(felt(observation, columns, sense), columns, tool, estimate, later)
         action = self.policy(believed.clamp(-5.0, 5.0)).clamp(-1.0, 1.0)
         action[:, -2:] *= sense
         return action * (started & (len(self._used) > delay))[:, None]
-
-    def felt(self, observation: torch.Tensor, sense: torch.Tensor) -> torch.Tensor:
-        """Return observations whose fingers are mirrored where `sense` [world 1] is -1."""
-        out = observation.clone()
-        for name in FINGERS:
-            last = self.env.task.columns[name].stop
-            out[:, last - 2 : last] *= sense
-        return out
 
     def _moved(self) -> torch.Tensor:
         """Return the estimates, moved on at their speed."""
@@ -197,13 +189,14 @@ class Follower:
 
     def _fingers(self) -> torch.Tensor:
         """Return position, velocity and lead of the fingers, as they truly are, shape [world 3]."""
-        felt, columns = self.felt(self.env.observation, self.sense), self.env.task.columns
+        columns = self.env.task.columns
+        fingers = felt(self.env.observation, columns, self.sense)
         last = [columns[name].stop for name in FINGERS[:3]]
-        return torch.cat([felt[:, stop - 2 : stop].mean(dim=1, keepdim=True) for stop in last], dim=1)
+        return torch.cat([fingers[:, stop - 2 : stop].mean(dim=1, keepdim=True) for stop in last], dim=1)
 
     def image(self, worlds: torch.Tensor) -> Image.Image:
         """Return what the cameras see of some worlds, a column each: depth, the pointed place green, the estimated grasp red."""
-        rows, estimate = [], self._moved()
+        rows, estimate, noise = [], self._moved(), self.cameras.random.get_state()
         self.cameras.refit()
         for name in VIEWS:
             view = self.cameras.see(name, estimate[:, C["point"]])
@@ -216,8 +209,18 @@ class Follower:
                 image[mark] = 0.0
                 image[..., color] = torch.where(mark, 1.0, image[..., color])
             rows.append(torch.cat(list(image), dim=1))
+        self.cameras.random.set_state(noise)  # an episode goes on as it would without an image
         pixels = (255.0 * torch.cat(rows, dim=0)).to(torch.uint8).cpu().numpy()
         return Image.fromarray(pixels.repeat(3, axis=0).repeat(3, axis=1))
+
+
+def felt(observation: torch.Tensor, columns: Mapping[str, slice], sense: torch.Tensor) -> torch.Tensor:
+    """Return observations whose fingers are mirrored where `sense` [world 1] is -1."""
+    out = observation.clone()
+    for name in FINGERS:
+        last = columns[name].stop
+        out[:, last - 2 : last] *= sense
+    return out
 
 
 def _relative(view: DepthView, about: torch.Tensor) -> torch.Tensor:
@@ -253,17 +256,19 @@ class DepthPolicy:
         """Return the world of the policy of states."""
         return self.world
 
-    def bound(self, env: VecEnv, seed: int = 0) -> Follower:
+    def bound(self, env: VecEnv) -> Follower:
         """Return the action [world action] for an observation [world observation]; the cameras see the worlds themselves.
+
+        Places, errors and noise of the cameras are drawn by the environment's seed.
 
         Raises:
             InputError: a room has no visuals, or the environment observes something else than the policy of states.
         """
         PolicyFile(Path(policy_file.PRETRAINED)).bound(env)
         device = env.sim.device
-        cameras = WorldCameras(env.sim, self._camera, seed)
+        cameras = WorldCameras(env.sim, self._camera, env.seed)
         policy = StatePolicy(Path(policy_file.PRETRAINED)).to(device)
-        return Follower(env, cameras, self.network.to(device), policy, seed)
+        return Follower(env, cameras, self.network.to(device), policy, env.seed)
 
 
 def read_policy(path: Path, camera: DepthCameraConfig) -> PolicyFile | DepthPolicy:
@@ -327,7 +332,8 @@ def export(network: SightNetwork, out: Path) -> list[Path]:
 
     The first takes the "points", "target", "before" and "tool" of a frame (`sight.SightFrame`) and returns the "estimate",
     relative to the place that the points are relative to. The second takes the "obs" of the policy of states, whatever they say
-    of the part; the tool's "pose" [world 4 4]; the "estimate" in the base frame; and the time "later" [s] since it was made,
+    of the part, with the fingers as they truly are: the graph mirrors them where the estimate holds from within. It also takes
+    the tool's "pose" [world 4 4]; the "estimate" in the base frame; and the time "later" [s] since it was made,
     shape [world 1]. It returns the "actions".
     """
     policy, (_, task) = StatePolicy(Path(policy_file.PRETRAINED)), state_world()
@@ -373,5 +379,7 @@ class _ActGraph(nn.Module):
     def forward(
         self, obs: torch.Tensor, pose: torch.Tensor, estimate: torch.Tensor, later: torch.Tensor
     ) -> torch.Tensor:
-        believed = observed(obs, self._columns, pose, estimate, later)
-        return self.policy(believed.clamp(-5.0, 5.0)).clamp(-1.0, 1.0)
+        sense = 1.0 - 2.0 * (estimate[:, C["within"]] > 0.5).to(obs.dtype)
+        believed = observed(felt(obs, self._columns, sense), self._columns, pose, estimate, later)
+        actions = self.policy(believed.clamp(-5.0, 5.0)).clamp(-1.0, 1.0)
+        return torch.cat([actions[:, :-2], actions[:, -2:] * sense], dim=1)

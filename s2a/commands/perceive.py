@@ -132,8 +132,6 @@ def run(config: Config) -> str:
         raise InputError(
             f"key 'held_out' is {config.held_out!r}, which leaves no room to train on; give a narrower pattern"
         )
-    if not config.frames and not config.init:
-        raise InputError("key 'frames' is 0, and there is no policy to measure; give init=, or frames of 1 and more")
     if config.num_envs < len(stages):
         raise InputError(
             f"key 'num_envs' is {config.num_envs}, and {config.stage} has {len(stages)} parts; give as many"

@@ -84,7 +84,6 @@ def test_a_policy_is_trained_on_some_rooms_measured_on_others_and_used(index: Pa
         (["held_out=["], "no regular expression"),
         (["frames=0"], "no policy to measure"),
         (["num_envs=1"], "has 2 parts"),
-        (["frames=0"], "no policy to measure"),
         (["init=nobody.depth"], "no such file"),
     ],
 )

@@ -72,8 +72,18 @@ RewardWeights = Annotated[dict[str, float], config.Described(lambda values: mean
 def make_env(
     sim: Simulation, mdp: MdpConfig, metrics: Any, reward: Mapping[str, float], seed: int, **more: Any
 ) -> VecEnv:
-    """Return the environment of the task that `mdp.name` says; `more` goes to VecEnv."""
-    return VecEnv(sim, task(mdp.name)(sim, mdp, metrics), reward, seed, **more)
+    """Return the environment of the task that `mdp.name` says; `more` goes to VecEnv.
+
+    Raises:
+        InputError: the metrics are of another task, as where a policy's own task takes the place of the one that was given.
+    """
+    kind = task(mdp.name)
+    if not isinstance(metrics, kind.Metrics):
+        raise InputError(
+            f"the policy is of task {mdp.name!r}, and key 'task' names another one; "
+            f"give task={mdp.name}, or a policy of the other task"
+        )
+    return VecEnv(sim, kind(sim, mdp, metrics), reward, seed, **more)
 
 
 def read_stages(

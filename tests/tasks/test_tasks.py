@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from dataclasses import is_dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -69,3 +70,8 @@ def test_a_term_that_is_not_listed_weighs_nothing_and_an_unknown_one_is_refused(
     assert {name: weight for name, weight in weights.items() if weight} == {"bonus": 2.0, "action": -1.0}
     with pytest.raises(InputError, match="reward term 'fingers' does not exist; known: distance, rotation, opening"):
         weights_of(terms, {"fingers": 1.0})
+
+
+def test_metrics_of_another_task_are_refused() -> None:
+    with pytest.raises(InputError, match="give task=open_part"):
+        tasks.make_env(None, SimpleNamespace(name="open_part"), SimpleNamespace(), {}, 0)

@@ -186,6 +186,7 @@ FOOT, LIFTED, HUNG = 0.06, 0.5, 1.2
 # A component apart from the largest one by this fraction of its own length is another thing; so is one beside that with less
 # than this fraction of its area, from this distance on [m]
 APART, PART = 0.5, (0.25, 0.05)
+TOUCHING = 0.01  # Largest distance of the boxes of components that touch [m]
 
 
 def stray_faces(surface: ScanMesh, owner: np.ndarray, names: Mapping[int, str]) -> np.ndarray:
@@ -250,22 +251,24 @@ def _body(
     area = np.maximum(0.5 * np.linalg.norm(cross, axis=1), 1e-12)
     middle = corners.mean(axis=1)
     up = cross[:, 2] / (2 * area)  # the floor that a foot goes over into faces up, the foot does not
-    body = _one_component(corners, area, component)
+    body, apart = _one_component(corners, area, component)
     bottom = weighted_quantile(middle[body, 2], area[body], 0.01)
     if middle[body, 2].max() - bottom > 2 * FOOT:
         skirt = _skirt(points, faces, middle, body, up, bottom)
         body &= ~skirt if area[skirt].sum() < IN_ALL * area[body].sum() else True
     border = np.where((middle[:, 2] < bottom + FOOT) & (bottom < HUNG) & (up < RISING), 0.0, border)
-    # What is not even joined to the rest hangs on it no more than what borders on other labels all around.
-    border = np.where(component == np.bincount(component, area).argmax(), border, np.maximum(border, BIN))
+    # What other labels or air cut off from the rest hangs on it no more than what borders on other labels all around. What borders
+    # on none and touches the rest does, as a handle that is a solid of its own.
+    cut_off = (component != np.bincount(component, area).argmax()) & (np.bincount(component, border)[component] > 0.0)
+    border = np.where(cut_off | apart, np.maximum(border, BIN), border)
     least = (1.0 - IN_ALL) * area[body].sum()
     while (tail := _tail(points, faces, middle, area, border, body, bottom > LIFTED, structure, least)) is not None:
         body[tail] = False
     return body
 
 
-def _one_component(corners: np.ndarray, area: np.ndarray, component: np.ndarray) -> np.ndarray:
-    """Return the faces of an object's largest component, and of those that belong to it, shape [face]."""
+def _one_component(corners: np.ndarray, area: np.ndarray, component: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the faces of an object's largest component and of those that belong to it, and those that do not touch it, [face]."""
     areas = np.bincount(component, area)
     main = int(areas.argmax())
     order = np.argsort(component, kind="stable")
@@ -276,8 +279,14 @@ def _one_component(corners: np.ndarray, area: np.ndarray, component: np.ndarray)
     gap = np.maximum(np.maximum(low - high[main], low[main] - high), 0.0)
     beside = np.linalg.norm(gap[:, :2], axis=1) > PART[1]
     far = (areas < PART[0] * areas[main]) | (np.linalg.norm(gap, axis=1) > APART * (high - low).max(axis=1))
-    body: np.ndarray = ~(beside & far)[component]
-    return body
+    touching, reached = np.zeros(len(areas), bool), np.array([main])
+    while len(reached):  # what touches something that touches the largest touches it, too
+        touching[reached] = True
+        others = np.flatnonzero(~touching)
+        between = np.maximum(low[others, None] - high[reached], low[reached] - high[others, None])
+        near = np.linalg.norm(np.maximum(between, 0.0), axis=2) <= TOUCHING
+        reached = others[near.any(axis=1)]
+    return ~(beside & far)[component], ~touching[component]
 
 
 def _outline(points: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -257,8 +257,8 @@ def _body(
         skirt = _skirt(points, faces, middle, body, up, bottom)
         body &= ~skirt if area[skirt].sum() < IN_ALL * area[body].sum() else True
     border = np.where((middle[:, 2] < bottom + FOOT) & (bottom < HUNG) & (up < RISING), 0.0, border)
-    # What other labels or air cut off from the rest hangs on it no more than what borders on other labels all around. What borders
-    # on none and touches the rest does, as a handle that is a solid of its own.
+    # What other labels or air cut off from the rest hangs on it no more than what borders on other labels all around.
+    # What borders on none and touches the rest does, as a handle that is a solid of its own.
     cut_off = (component != np.bincount(component, area).argmax()) & (np.bincount(component, border)[component] > 0.0)
     border = np.where(cut_off | apart, np.maximum(border, BIN), border)
     least = (1.0 - IN_ALL) * area[body].sum()
@@ -268,7 +268,7 @@ def _body(
 
 
 def _one_component(corners: np.ndarray, area: np.ndarray, component: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the faces of an object's largest component and of those that belong to it, and those that do not touch it, [face]."""
+    """Return the faces that belong to an object's largest component, and those that do not touch it, shape [face] each."""
     areas = np.bincount(component, area)
     main = int(areas.argmax())
     order = np.argsort(component, kind="stable")

@@ -148,7 +148,7 @@ def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ())
 
 
 def certify_asset(asset: File) -> ValidationReport:
-    """Ask of a URDF, MJCF or USD of others what needs no scan; return its report. Needs `s2a[sim]`.
+    """Check a third-party URDF, MJCF or USD as far as that needs no scan; return its report. Needs `s2a[sim]`.
 
     Raises:
         InputError: no such file, or one that neither MuJoCo nor Newton can read.

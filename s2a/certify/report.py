@@ -194,7 +194,7 @@ def images(path: Path, part: str, camera: OrbitCamera) -> dict[str, np.ndarray]:
 
 
 def asset_images(asset: Asset, camera: OrbitCamera) -> dict[str, np.ndarray]:
-    """Return images [row column 3] of an asset of others, by their captions; none of one that nobody sees."""
+    """Return images [row column 3] of a third-party asset, by their captions; none of one without visuals."""
     bodies = asset.bodies.values()
     seen = [placed(mesh, body.pose) for body in bodies for mesh in body.visuals or body.colliders]
     hard = [placed(mesh, body.pose) for body in bodies for mesh in body.colliders]

@@ -59,7 +59,7 @@ class Config:
 def run(config: Config) -> str:
     """Certify the parts, or keep an earlier run's reports; return the verdicts; CheckFailed: a check failed."""
     if (config.stage is None) == (config.asset is None):
-        raise InputError("give stage=FILE, a sim.usd, or asset=FILE, a URDF, MJCF or USD of others")
+        raise InputError("give stage=FILE, a sim.usd, or asset=FILE, a third-party URDF, MJCF or USD")
     if config.stage is None:
         return _asset(config)
     if not config.stage.is_file():
@@ -92,8 +92,12 @@ def overview(folder: Path) -> str:
 
 
 def _asset(config: Config) -> str:
-    """Certify an asset of others, and repair it where that is asked; return the verdicts; CheckFailed: a check failed."""
+    """Certify a third-party asset, and repair it where `repair` is given; return the verdicts; CheckFailed: a check failed."""
     assert config.asset is not None
+    if config.part is not None:
+        raise InputError(
+            f"key 'part' is {config.part!r}, and an asset is certified whole; leave it out, or give stage=FILE"
+        )
     refuse_loss(config.out, RECORD, [config.asset, *([config.repair / config.asset.name] if config.repair else [])])
     if config.repair:
         refuse_loss(config.repair, repair.HULL_FOLDER, [config.asset, config.out / RECORD])

@@ -284,8 +284,8 @@ def _resolved(path: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
     for joint in robot.findall("joint"):
         if joint.get("type") == "floating":  # MuJoCo's own free joint, which only a root has
             joint.set("type", "fixed")
-    asked = {"meshdir": str(folder), "strippath": "true", "discardvisual": "false", "fusestatic": "false"}
-    ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler", asked)
+    options = {"meshdir": str(folder), "strippath": "true", "discardvisual": "false", "fusestatic": "false"}
+    ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler", options)
     target = folder / f"{RESOLVED}.urdf"
     ElementTree.ElementTree(robot).write(target)
     return target, tuple(swapped)

@@ -234,7 +234,8 @@ def test_what_cannot_be_read_is_one_line(content: str, words: str, tmp_path: Pat
 def test_stage_and_asset_exclude_each_other(tmp_path: Path, capsys) -> None:
     assert cli.main(["certify", f"out={tmp_path / 'out'}"]) == 2
     assert cli.main(["certify", "asset=a.urdf", "stage=b.usd", f"out={tmp_path / 'out'}"]) == 2
-    assert capsys.readouterr().err.count("give stage=FILE") == 2
+    assert cli.main(["certify", "asset=a.urdf", "part=lid", f"out={tmp_path / 'out'}"]) == 2
+    assert capsys.readouterr().err.count("give stage=FILE") == 3
 
 
 def test_no_output_replaces_the_original_or_the_other_output(tmp_path: Path, capsys) -> None:

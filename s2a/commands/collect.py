@@ -138,7 +138,7 @@ def _stage(config: Config, task: MdpConfig) -> SimStage:
     if not (config.out / DATASET_STAGE).is_file():
         return config.read_stage()
     stage = read_stage(tasks.task(task.name).Stage, config.stage, config.out)
-    other = {"part": config.part not in (None, stage.target), "also": bool(set(config.also) - set(stage.also))}
+    other = {"part": config.part not in (None, stage.target), "also": bool(set(config.further) - set(stage.also))}
     if any(other.values()):
         names = ", ".join(name for name, differs in other.items() if differs)
         raise InputError(f"{config.out} was collected with another {names}; choose another place")

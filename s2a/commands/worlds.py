@@ -46,16 +46,22 @@ class WorldsConfig(EpisodesConfig):
 
     Attributes:
         part: id of the articulated part; null: the only one of the stage.
-        also: ids of further articulated parts and free objects that move; everything else stays where it was scanned.
+        also: ids of further articulated parts and free objects that move, all for every one; everything else stays where it was
+            scanned.
     """
 
     part: str | None
-    also: tuple[str, ...]
+    also: str | tuple[str, ...]
+
+    @property
+    def further(self) -> tuple[str, ...]:
+        """The ids of `also`."""
+        return (self.also,) if isinstance(self.also, str) else self.also
 
     def read_stages(self) -> list[SimStage]:
         """Read the stages of all parts; InputError as for one, or where a pool is to have one part."""
         kind = tasks.task(self.task.name)
-        where = (self.stage, self.part, self.robot.name, self.also)
+        where = (self.stage, self.part, self.robot.name, self.further)
         return tasks.read_stages(kind, *where, self.task, self.planner)
 
     def read_stage(self) -> SimStage:

@@ -1,6 +1,6 @@
 """Many worlds of one sim.usd, stepped together."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,8 +13,9 @@ from s2a import robot
 from s2a.core.errors import InputError
 from s2a.core.workers import spread
 from s2a.robot.tool_path import matrices
+from s2a.scene.usd.sim_scene import ALL
 from s2a.sim.solver import IGNORED_OVERFLOWS, Layout, SimConfig, hooks, layout, make_solver, vary
-from s2a.sim.world import SimStage, body_index, build_world, empty_world
+from s2a.sim.world import SimStage, axis_of, body_index, build_world, empty_world
 
 FEW = 8  # Stages that are built before a helper has started
 ATTRIBUTES = "custom_attributes"
@@ -23,6 +24,9 @@ POSES, OWN = 9, 20
 # Hulls that do not move, for whose pairs with the arm `sim.nconmax` has room. Among 245 of a scanned kitchen a
 # planner's arm had 72 pairs at most, so that every second hull beyond gets room
 FIXED = 64
+# Rows of constraints of a part: its friction, limits, and a contact; of an object at rest: 12 contacts, each with a normal
+# force and two of friction
+JOINT_ROWS, OBJECT_ROWS = 6, 36
 COLLIDES = int(newton.ShapeFlags.COLLIDE_SHAPES)
 
 
@@ -138,28 +142,75 @@ class Simulation:
                 self.part_dof = np.array([each.part_dof for each in layouts])[self.stage_of_env]
                 if config.vary is not None:
                     vary(self.model, self.layout, self.part_dof, config.vary)
-            self.solver = make_solver(self.model, self._with_capacity(config) if with_robot else config)
+            self.solver = make_solver(
+                self.model, self._with_capacity(config, worlds) if with_robot or self.stage.is_live else config
+            )
             self.solver.mjw_model.opt.warn_overflow &= ~int(IGNORED_OVERFLOWS)
             self.state, self.before = self.model.state(), self.model.state()
             self.control = self.model.control()
             newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
-            self.before_substep: list[Callable[[], None]] = hooks(self, worlds)
+            self._resistance = hooks(self, worlds)
+        self.before_substep: list[Callable[[], None]] = [*self._resistance]
         self.joint_q = wp.to_torch(self.state.joint_q).view(num_envs, -1)
         self.joint_qd = wp.to_torch(self.state.joint_qd).view(num_envs, -1)
         self.body_q = wp.to_torch(self.state.body_q).view(num_envs, -1, 7)
         self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(num_envs, -1)
         self.after_substep: list[Callable[[], None]] = []
 
-    def _with_capacity(self, config: SimConfig) -> SimConfig:
-        """Return the settings with room for the contacts of a part and an arm among many hulls.
+    def aim(self, stage: SimStage) -> None:
+        """Make another part or object that moves the target, for the next task; nothing in the worlds changes.
+
+        What the last task has called before and after every physics step is called no more.
+
+        `stage`: of the same room with the same parts and objects moving; others of it may be where they are now.
+
+        Raises:
+            InputError: another file; something that does not move here; worlds of several stages.
+        """
+        missing = {stage.target, *stage.active} - set(self.stage.active)
+        if stage.path != self.stage.path or missing or len(self.stages) > 1:
+            raise InputError(
+                f"{stage.path}: {', '.join(sorted(missing)) or stage.target} does not move in these worlds of "
+                f"{self.stage.path}; make them with also={ALL}"
+            )
+        self.stage, self.stages, self.layout = stage, [stage], layout(self.world, self.robot, stage)
+        self.part_coord, self.part_dof = (
+            np.full(self.num_envs, each) for each in (self.layout.part_coord, self.layout.part_dof)
+        )
+        self.before_substep, self.after_substep = [*self._resistance], []
+
+    def snapshot(self) -> dict[str, torch.Tensor]:
+        """Return copies of all that physics reads; see `restore`."""
+        return {name: wp.to_torch(array).clone() for name, array in self.persistent().items()}
+
+    def restore(self, snapshot: Mapping[str, torch.Tensor]) -> None:
+        """Go on from exactly where a snapshot of these worlds was taken."""
+        for name, array in self.persistent().items():
+            wp.to_torch(array).copy_(snapshot[name])
+
+    def persistent(self) -> dict[str, wp.array]:
+        """Return every array that a later physics step reads before it is written, by name."""
+        arrays = {name: getattr(self.state, name) for name in ("joint_q", "joint_qd", "body_q", "body_qd")}
+        targets = {name: getattr(self.control, name) for name in ("joint_target_q", "joint_target_qd")}
+        return arrays | targets | {"warm_start": self.solver.mjw_data.qacc_warmstart}
+
+    def _with_capacity(self, config: SimConfig, worlds: Sequence[newton.ModelBuilder]) -> SimConfig:
+        """Return the settings with room for the contacts of what moves and an arm among many hulls.
 
         MuJoCo drops what is beyond `nconmax` pairs of hulls whose bounding boxes overlap, whether they touch or not. Those of
-        the part with all else are counted along its path in the first world of each stage; those beyond OWN get further room,
-        and so does the arm for hulls beyond FIXED.
+        what moves with all else are counted along all paths at once in the first world of each stage; those beyond OWN get
+        further room, and so does the arm for hulls beyond FIXED. Of a live room each part and object also gets further
+        rows of constraints.
         """
         model, first = self.model, min(len(self.stages), self.num_envs)
-        dofs = self.part_dof[:first] + np.arange(first) * (model.joint_dof_count // self.num_envs)
-        coords = self.part_coord[:first] + np.arange(first) * (model.joint_coord_count // self.num_envs)
+        axes = [
+            np.array([model.joint_coord_count, model.joint_dof_count]) // self.num_envs * i
+            + axis_of(world, part, stage.room.articulations[part].joint.kind)
+            for i, (stage, world) in enumerate(zip(self.stages[:first], worlds, strict=False))
+            for part in stage.active
+            if part in stage.room.articulations
+        ]
+        coords, dofs = np.array(axes, dtype=int).reshape(-1, 2).T
         limits = np.stack([model.joint_limit_lower.numpy()[dofs], model.joint_limit_upper.numpy()[dofs]])
         poses, start = [], model.joint_q.numpy().copy()  # on a CPU numpy() is the model's own memory
         for fraction in np.linspace(0.0, 1.0, POSES):
@@ -169,7 +220,9 @@ class Simulation:
             poses.append(state.body_q.numpy())
         fixed = np.bincount(model.shape_world.numpy()[_fixed(model)] + 1, minlength=2)[1:].max()
         further = max(most_pairs(model, poses, first) - OWN, 0) + max(int(fixed) - FIXED, 0) // 2
-        return replace(config, nconmax=config.nconmax + further)
+        live = (stage for stage in self.stages if stage.is_live)
+        rows = [JOINT_ROWS * len(s.room.articulations) + OBJECT_ROWS * len(s.room.free) for s in live]
+        return replace(config, nconmax=config.nconmax + further, njmax=config.njmax + max(rows, default=0))
 
     def body(self, name: str) -> int:
         """Return the index of a body within a world."""
@@ -199,7 +252,7 @@ class Simulation:
 
 
 def most_pairs(model: newton.Model, poses: Sequence[np.ndarray], worlds: int) -> int:
-    """Return the most pairs of shapes, one of a body that moves and one of another, whose bounding boxes overlap in a pose.
+    """Return the most pairs of shapes, one of a body that moves or is free and one of another body, with boxes that overlap.
 
     Args:
         model: of all worlds.
@@ -212,9 +265,10 @@ def most_pairs(model: newton.Model, poses: Sequence[np.ndarray], worlds: int) ->
     local = matrices(model.shape_transform.numpy()[some])
     low, high = model.shape_collision_aabb_lower.numpy()[some], model.shape_collision_aabb_upper.numpy()[some]
     moved = np.abs(poses[-1] - poses[0]).max(axis=1) > 1e-6
+    moved[model.joint_child.numpy()[model.joint_type.numpy() == newton.JointType.FREE]] = True
     mine = (body >= 0) & moved[body]
     worlds_shapes = [np.flatnonzero(world == number) for number in range(worlds)]
-    sides = [(shapes[mine[shapes]], shapes[~mine[shapes]]) for shapes in worlds_shapes]
+    sides = [(shapes[mine[shapes]], shapes) for shapes in worlds_shapes]
     most = 0
     for pose in poses:
         bodies = np.concatenate([matrices(pose), np.eye(4)[None]])  # shapes of no body have the last, -1
@@ -222,8 +276,10 @@ def most_pairs(model: newton.Model, poses: Sequence[np.ndarray], worlds: int) ->
         center = np.einsum("nij,nj->ni", place[:, :3, :3], (low + high) / 2) + place[:, :3, 3]
         half = np.einsum("nij,nj->ni", np.abs(place[:, :3, :3]), (high - low) / 2)
         for own, other in sides:
-            apart = np.abs(center[own][:, None] - center[other]) > half[own][:, None] + half[other]
-            most = max(most, int((~apart.any(axis=2)).sum()))
+            apart = (np.abs(center[own][:, None] - center[other]) > half[own][:, None] + half[other]).any(axis=2)
+            # Two that both move meet twice in this table
+            twice = mine[other] & (own[:, None] > other)
+            most = max(most, int((~apart & ~twice & (body[own][:, None] != body[other])).sum()))
     return most
 
 

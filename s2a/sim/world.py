@@ -19,7 +19,7 @@ from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd import sim_stage
-from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
+from s2a.scene.usd.sim_scene import ALL, DEFAULT_ROBOT, Articulation, SimRoom
 from s2a.sim.room import Workspace, add_pedestal, add_room, kept_bodies, pedestal, workspace
 
 OPPOSED = -0.5  # Cosine between the forces of both fingers below which they pinch: more than 120 degrees apart
@@ -121,7 +121,8 @@ class SimStage:
     # height and radius of the column under the robot's base [m]; no height: it stands on the floor
     pedestal: tuple[float, float] = (0.0, 0.0)
     robot: str = DEFAULT_ROBOT  # name of the robot that the base pose is for
-    # ids of further parts and free objects that move; everything else of the room is frozen at its scanned pose
+    # ids of further parts and free objects that move, ALL for every one; everything else of the room is frozen at its
+    # scanned pose
     also: tuple[str, ...] = ()
     # pose of the tool, closed, in which it pushes the part instead of holding it, at joint zero, 7-vector, scene frame
     push: np.ndarray | None = None
@@ -129,9 +130,15 @@ class SimStage:
     room: SimRoom = field(kw_only=True, repr=False)  # all of the file but its visuals
 
     @property
+    def is_live(self) -> bool:
+        """Whether everything in the room that can move does."""
+        return ALL in self.also
+
+    @property
     def active(self) -> tuple[str, ...]:
         """Ids of all that moves, the target first."""
-        return (self.target, *self.also)
+        also = (*self.also, *self.room.movable) if self.is_live else self.also
+        return tuple(i for i in dict.fromkeys((self.target, *also)) if i != ALL)
 
     @property
     def lever_arm(self) -> float:
@@ -144,7 +151,7 @@ class SimStage:
         return travel(self.joint, self.grasp[:3])
 
     def workspace(self) -> Workspace:
-        """Return where something can be touched: near which colliders of the room are loaded."""
+        """Return where something can be touched: near which colliders of the room are loaded, unless it is live."""
         return workspace(self.room, self.active, self.base, self.robot)
 
 
@@ -155,7 +162,7 @@ def read_stage(path: Path, part: str | None = None, *, robot: str | None = None,
         path: a simulation-ready room.
         part: id of the part; None: the only one of the room.
         robot: name of the robot; None: the one that the part was prepared for, the default robot if for several.
-        also: ids of further parts and free objects that move.
+        also: ids of further parts and free objects that move; [ALL]: every one.
 
     Raises:
         InputError: no such file, or another kind of stage; no such part, or none is named where the room has several; no
@@ -170,7 +177,7 @@ def stage_of(
     """Return what `read_stage` does, of a room that was read from `path`."""
     target = room.part(part)
     articulation = room.articulations[target]
-    kept_bodies(room, (target, *also))
+    kept_bodies(room, (target, *(i for i in also if i != ALL)))
     bases = articulation.bases
     robot = robot or (DEFAULT_ROBOT if DEFAULT_ROBOT in bases or not bases else next(iter(bases)))
     if robot not in bases:
@@ -266,7 +273,7 @@ def empty_world() -> newton.ModelBuilder:
 
 def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool, both_kinds: bool) -> None:
     """Add what is active of a room, what it hangs on, and the colliders near it."""
-    space = stage.workspace()
+    space = None if stage.is_live else stage.workspace()
     doubled = [stage.target] if both_kinds else []
     opened = sim_stage.open_physics(stage.path)
     add_room(builder, stage.room, opened, stage.active, space=space, static=static, both_kinds=doubled)

@@ -67,6 +67,7 @@ class VecEnv:
         graph: bool = True,
         demo: DemoStarts | None = None,
         final_observation: bool = False,
+        continues: bool = False,
     ) -> None:
         """Allocate, reset all worlds, and capture the step.
 
@@ -78,6 +79,7 @@ class VecEnv:
             graph: capture the step; without, every kernel is launched from Python, ten to a hundred times as slowly on a CPU.
             demo: episodes that start on a demonstration; None: none does.
             final_observation: keep the last observation of every episode.
+            continues: episodes begin where the worlds are, and end without a reset of robot and room.
         """
         self.sim, self.task, self.columns = sim, task, (*task.RESULTS.names, *ERRORS)
         self.num_envs, self.num_actions = sim.num_envs, sim.layout.robot_joints
@@ -89,6 +91,7 @@ class VecEnv:
             self._weights = wp.array(weighted, dtype=float)
             self._compute_reward = kernels.reward_kernel(list(task.REWARDS.values()))
             self._motion = _motion(sim, task, demo)
+            self._motion.continues = int(continues)
             self._world_mask = wp.zeros(sim.num_envs + 1, dtype=bool)
             articulations = sim.model.articulation_count // sim.num_envs
             self._articulation_mask = wp.zeros((sim.num_envs, articulations), dtype=bool)
@@ -112,7 +115,9 @@ class VecEnv:
 
     def _begin(self) -> None:
         """Capture the step, in which the length of an episode is a constant, and reset all worlds."""
+        worlds = self.sim.snapshot()
         self._whole_step = self.sim.capture(self._step) if self._graph else self._step
+        self.sim.restore(worlds)
         self.reset_all()
 
     def step(self, action: torch.Tensor) -> None:
@@ -152,13 +157,7 @@ class VecEnv:
 
     def _persistent(self) -> dict[str, wp.array]:
         """Return every array that a later step reads before it is written, by name."""
-        sim, s = self.sim, self.state
-        arrays = {name: getattr(sim.state, name) for name in ("joint_q", "joint_qd", "body_q", "body_qd")}
-        arrays |= {
-            "joint_target_q": sim.control.joint_target_q,
-            "joint_target_qd": sim.control.joint_target_qd,
-            "warm_start": sim.solver.mjw_data.qacc_warmstart,
-        }
+        s, arrays = self.state, self.sim.persistent()
         names = ["past", "delay"] if s.past.size else []
         names += ["privileged"] if self.task.privileged else []
         names += "action observation step begun uncounted dropped overflow result counts rng".split()
@@ -196,6 +195,9 @@ class VecEnv:
         sim = self.sim
         self._launch(kernels.reset, self.state, self._motion, self._world_mask, self._articulation_mask)
         self.task.reset(self.state)
+        if self._motion.continues:
+            self.task.observe(self.state)
+            return
         # Clears warm starts and forces; the coordinates were just written (flags=0 leaves them alone).
         sim.solver.reset(sim.state, world_mask=self._world_mask, flags=0)
         mask = self._articulation_mask.flatten()

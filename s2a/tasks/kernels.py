@@ -27,6 +27,7 @@ class Motion:
     window: float  # distance of a target from its joint's position at which it stops [rad, m]
     dt: float  # physics time step [s]
     delay: wp.vec2i  # least and greatest number of control steps by which an action comes late
+    continues: int  # 1 where an episode begins where the worlds are, and nothing is put back
     home: wp.array(dtype=float)  # joint positions at the start [rad, m], shape [joint]
     leader: wp.array(dtype=int)  # of each joint that mimics another, the index of that one, shape [follower]
     multiplier: wp.array(dtype=float)  # of each, shape [follower]
@@ -251,6 +252,8 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
     to its first targets, the noise fading, a quarter at any step until the grasp, a quarter at the last of them, where the
     fingers close. Targets start at the sampled positions. (The reference leaves them where the last episode ended, which pulls
     the arm away in the first step.)
+
+    Where episodes continue, robot and room stay as they are.
     """
     world = wp.tid()
     ended = s.done[world] == 1
@@ -259,10 +262,11 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
         articulation_mask[world, i] = ended
     if ended:
         rng = s.rng[world]
-        for i in range(s.joint_q.shape[1]):
-            s.joint_q[world, i] = m.start[world, i]
-        for i in range(s.joint_qd.shape[1]):
-            s.joint_qd[world, i] = 0.0
+        if m.continues == 0:
+            for i in range(s.joint_q.shape[1]):
+                s.joint_q[world, i] = m.start[world, i]
+            for i in range(s.joint_qd.shape[1]):
+                s.joint_qd[world, i] = 0.0
         near = float(0.0)
         at, stage = int(0), m.stage[world]
         if m.demo_fraction > 0.0:  # the stream of random numbers stays as it is where nothing starts on a demonstration
@@ -277,7 +281,7 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
                 else:
                     near = wp.min(2.0 * wp.randf(rng), 1.0)
                     at = wp.where(near < 1.0, 0, wp.min(wp.randi(rng, 0, 2 * grasped), grasped - 1))
-        for i in range(s.joints):
+        for i in range(wp.where(m.continues == 1, 0, s.joints)):
             noise = (1.0 - near) * wp.randf(rng, -m.noise, m.noise)
             led = m.demo_targets[stage, at, i]
             home = finger_position(s, world, i, m.home[i])
@@ -287,7 +291,7 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
             s.target_q[world, i] = target
             s.target_qd[world, i] = 0.0
             s.joint_q[world, i] = wp.where(near < 1.0 or i < s.arm, target, m.demo_positions[stage, at, i])
-        for k in range(m.leader.shape[0]):
+        for k in range(wp.where(m.continues == 1, 0, m.leader.shape[0])):
             s.joint_q[world, s.joints + k] = m.multiplier[k] * s.joint_q[world, m.leader[k]]
         if m.delay[1] > 0:
             s.delay[world] = wp.randi(rng, m.delay[0], m.delay[1] + 1)

@@ -16,12 +16,15 @@ from settings import load
 
 from s2a.core.errors import InputError
 from s2a.prepare.room import prepare
+from s2a.scene.articulation import open_limit
 from s2a.scene.geometry.convex import deepest
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
-from s2a.scene.usd.sim_scene import Base, Collider
+from s2a.scene.usd.sim_scene import ALL, Base, Collider
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.sim.world import JointConfig, build_world, read_stage
+from s2a.sim.world import JointConfig, axis_of, build_world, read_stage
+from s2a.tasks import make_env
+from s2a.tasks.open_part import OpenPartConfig, OpenPartMetrics
 
 FREE = JointConfig(0.0, 0.0, "grasp")
 PARTS = ("drawer_7", "drawer_8", "door_5", "door_6", INNER, LONE)
@@ -201,6 +204,37 @@ def test_a_robot_on_a_pedestal_stands_on_a_collider(tmp_path: Path) -> None:
     part = replace(room.articulations["drawer_2"], bases=raised)
     sim_stage.write(replace(room, articulations={"drawer_2": part}), path)
     assert "/scene/static/colliders/pedestal_00" in static(world(path, "drawer_2"))
+
+
+def test_in_a_live_room_everything_moves_and_every_collider_is_there(path: Path) -> None:
+    room, builder = sim_stage.read(path, visuals=False), world(path, "drawer_7", ALL)
+    assert set(ends(builder.body_label)) == set(room.bodies)
+    assert builder.joint_dof_count == len(room.articulations)
+    assert len(static(builder)) >= len(room.static_colliders)
+
+
+def test_the_next_task_goes_on_where_the_last_one_ended(path: Path) -> None:
+    stages = [read_stage(path, part, also=(ALL,)) for part in ("drawer_7", "door_5")]
+    sim = Simulation(stages[0], load(SimConfig, "sim/pick_place"), 2)
+    task, metrics = load(OpenPartConfig, "task/open_part", episode_steps=4), load(OpenPartMetrics, "metrics/open_part")
+    first = make_env(sim, task, metrics, {}, 0)
+    axes = [axis_of(sim.world, stage.target, stage.joint.kind) for stage in stages]
+    sim.joint_qd[:, axes[1][1]] = 0.2 * np.sign(open_limit(stages[1].joint))
+    action = torch.full((2, first.num_actions), 0.1)
+    first.step(action)
+    before = sim.snapshot()
+    sim.aim(stages[1])
+    env = make_env(sim, task, metrics, {}, 0, continues=True)
+    assert all(torch.equal(sim.snapshot()[name], value) for name, value in before.items())
+    assert (sim.layout.part_coord, sim.layout.part_dof) == axes[1]
+    last = sim.joint_q.clone()
+    for _ in range(4):  # over the end of an episode
+        env.step(action)
+        assert 0.0 < float((sim.joint_q - last).abs().max()) < 0.05
+        last = sim.joint_q.clone()
+    assert (last[:, axes[1][0]] * np.sign(open_limit(stages[1].joint)) > 0.008).all()
+    with pytest.raises(InputError, match="also=all"):
+        Simulation(read_stage(path, "drawer_7"), load(SimConfig, "sim/pick_place"), 1).aim(stages[1])
 
 
 @pytest.mark.parametrize("use_c", [False, True])

@@ -13,13 +13,12 @@ from s2a.core.errors import InputError
 from s2a.scene.geometry.mesh_ops import bake
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
-from s2a.scene.usd.sim_scene import SimRoom, in_scene
+from s2a.scene.usd.sim_scene import ALL, SimRoom, in_scene
 from s2a.sim.room import add_room, carrier_of, kept_bodies, owner
 from s2a.sim.solver import SimConfig
 from s2a.sim.world import empty_world, joint_index, stiffen
 
 STATIC = "static"  # Id of the link that is the room itself
-ALL = "all"  # Stands for every articulated part and free object
 MIN_AREA = 1e-8  # [m^2] A tenth of a millimetre squared: less is not seen
 
 
@@ -62,7 +61,7 @@ def read_links(path: Path, parts: str | Sequence[str], config: SimConfig) -> Lin
     """
     room = sim_stage.read(path)
     named = (parts,) if isinstance(parts, str) else tuple(parts)
-    active = (*room.articulations, *room.free) if named == (ALL,) else tuple(dict.fromkeys(named))
+    active = room.movable if named == (ALL,) else tuple(dict.fromkeys(named))
     if not active:
         raise InputError(
             f"{path}: nothing of room {room.name!r} is to move; give parts={ALL}, parts=drawer_7 or parts=[drawer_6,door_8]"

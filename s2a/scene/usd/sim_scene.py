@@ -11,6 +11,7 @@ from s2a.scene.usd.joints import Refinement, Resistance
 
 Quat = tuple[float, float, float, float]
 DEFAULT_ROBOT = "panda"  # The robot that a base pose is of where none is named
+ALL = "all"  # Stands for every articulated part and free object
 PREPARE_AGAIN = "run s2a prepare again"  # The remedy for a room that is damaged
 
 
@@ -143,6 +144,11 @@ class SimRoom:
     def fixed(self) -> tuple[str, ...]:
         """Ids of the bodies that are fixed to the world."""
         return tuple(i for i in self.bodies if i not in self.articulations)
+
+    @property
+    def movable(self) -> tuple[str, ...]:
+        """Ids of all that can move: articulated parts, parents before children, then free objects."""
+        return (*self.articulations, *self.free)
 
     def carriers(self, part: str) -> tuple[str, ...]:
         """Return the bodies that carry an articulated part, from its parent to the one that is fixed to the world."""

@@ -1,10 +1,10 @@
-"""Are the boxes of a real scan's objects those that a person measures? scene0000_00 of ScanNet, 55 objects.
+"""Are boxes and masses of a real scan's objects those that a person measures? scene0000_00 of ScanNet, 55 objects.
 
     python experiments/real_boxes.py --scan captures/scene0000_00
 
 Reads experiments/results/real_boxes_by_hand.json. A box counts if each side is within 20 % or 4 cm of the measured one, whichever
-is more (a voxel of the scan is 1 to 2 cm); with the labels as they are, and without what they spill onto. Writes
-experiments/results/real_boxes.json.
+is more (a voxel of the scan is 1 to 2 cm); with the labels as they are, and without what they spill onto. A mass counts within a
+factor of two; of all that has one, and of what one person carries, up to HEAVY. Writes experiments/results/real_boxes.json.
 """
 
 import argparse
@@ -14,13 +14,18 @@ from pathlib import Path
 import numpy as np
 
 from s2a import scan
+from s2a.commands.prepare import Config
+from s2a.core import config
 from s2a.core.provenance import provenance
+from s2a.prepare.free_objects import free_object
 from s2a.scan import rest
 from s2a.scene.scene import Scene
 from s2a.scene.upright_box import upright_box
 
 RESULTS = Path(__file__).parent / "results"
 FRACTION, LEAST = 0.2, 0.04
+HEAVY = 10.0
+"""[kg] Of what one person carries."""
 
 
 def main() -> None:
@@ -36,8 +41,17 @@ def main() -> None:
     rest.stray_faces = body
     rows["body"] = compared(scan.read(args.scan), measured)
     counts = {name: sum(row["within"] for row in each.values()) for name, each in rows.items()}
+    masses = weighed(scan.read(args.scan), measured)
+    counts |= {
+        f"masses{text}": [sum(row["within"] for row in some), len(some)]
+        for text, most in (("", np.inf), (" of what one carries", HEAVY))
+        if (some := [row for row in masses.values() if row["hand"] <= most])
+    }
     args.out.write_text(
-        json.dumps({**provenance("cpu"), "within": counts, "of": len(measured), "rows": rows}, indent=1) + "\n"
+        json.dumps(
+            {**provenance("cpu"), "within": counts, "of": len(measured), "rows": rows, "masses": masses}, indent=1
+        )
+        + "\n"
     )
     print(counts, "of", len(measured))
 
@@ -51,6 +65,18 @@ def compared(scene: Scene, measured: dict[str, dict]) -> dict[str, dict]:
         best = min(orders, key=lambda box: np.max(np.abs(box - hand) / np.maximum(FRACTION * hand, LEAST)))
         within = bool((np.abs(best - hand) <= np.maximum(FRACTION * hand, LEAST)).all())
         rows[name] = {"box": best.round(3).tolist(), "hand": each["size"], "within": within}
+    return rows
+
+
+def weighed(scene: Scene, measured: dict[str, dict]) -> dict[str, dict]:
+    """Return each object's mass as a free object [kg], and whether it is within a factor of two of the measured one."""
+    free = config.load(Config, config.compose("prepare", ["stage=x", "targets=all", "out=y"])).prepare.free
+    rows = {}
+    for name, each in measured.items():
+        if "mass" in each:
+            mass = free_object(scene, name, free).body.mass
+            within = each["mass"] / 2 <= mass.mass <= 2 * each["mass"]
+            rows[name] = {"mass": round(mass.mass, 2), "hand": each["mass"], "by": mass.source, "within": within}
     return rows
 
 

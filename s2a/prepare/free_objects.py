@@ -281,18 +281,23 @@ def _mass(scene: Scene, members: Sequence[str], solid: Mesh, config: FreeConfig)
     whole = volume(closed) if closed is not None else 0.0
     if closed is not None and not HOLLOW * whole < shape.volume <= FULL * whole:
         shape = trimesh.Trimesh(closed.vertices, closed.faces, process=False)
-    mass, source = _estimate(scene, members, float(shape.volume), config.mass)
+    mass, source = _estimate(scene, members, float(shape.volume), closed, config.mass)
     moments, axes = np.linalg.eigh(shape.moment_inertia * (mass / shape.volume))
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     quat = Rotation.from_matrix(axes).as_quat(canonical=True)
     return Mass(mass, tuple(shape.center_mass.tolist()), tuple(moments.tolist()), tuple(quat.tolist()), source)
 
 
-def _estimate(scene: Scene, members: Sequence[str], inside: float, config: MassConfig) -> tuple[float, str]:
-    """Return an object's mass [kg] and where it comes from."""
+def _estimate(
+    scene: Scene, members: Sequence[str], inside: float, closed: Mesh | None, config: MassConfig
+) -> tuple[float, str]:
+    """Return an object's mass [kg] and where it comes from; by its volume [m^3], or the surface of its convex hull."""
     annotated = annotated_mass(scene, members)
     family, rule = config.rule(scene.parts[members[0]].label)
     if annotated is not None or rule.by == "mass":
         return (annotated, "annotated") if annotated is not None else (rule.value, f"usual for a {family}")
+    if rule.by == "area":
+        area = float(closed.face_areas.sum()) if closed is not None else 0.0
+        return config.bounded(rule.value * area), f"the surface of its hull, {rule.value:g} kg/m^2"
     density = rule.value * min(1.0, math.sqrt(SOLID / max(inside, 1e-9)))
     return config.bounded(density * inside), f"its volume, {density:.3g} kg/m^3"

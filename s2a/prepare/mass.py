@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from s2a.core.bounds import NotNegative, Positive
 from s2a.core.errors import InputError
 from s2a.prepare.grasp import Target
+from s2a.scan import labels
 from s2a.scene.articulation import open_limit, opening_direction
 from s2a.scene.geometry.convex import box, hull, volume
 from s2a.scene.geometry.mesh_ops import extents, sample
@@ -111,7 +112,8 @@ class MassRule:
     """How a family of parts is weighed.
 
     Attributes:
-        by: "area": of the front; "volume": of the convex hull, or of a free object's closed surface; "mass": whatever its size.
+        by: "area": of the front, or of a free object's convex hull; "volume": of the convex hull, or of a free object's closed
+            surface; "mass": whatever its size.
         value: [kg/m^2], [kg/m^3] or [kg].
         box: mass of the boards of the box behind a drawer's front [kg/m^2]; by area only.
         contents: mass of its contents by the area of its bottom [kg/m^2]; by area only.
@@ -148,8 +150,7 @@ class MassConfig:
 
     def rule(self, label: str) -> tuple[str, MassRule]:
         """Return the family that a label belongs to, "" for none, and its rule."""
-        words = f" {label.lower().replace('_', ' ')}"
-        family = max((name for name in self.families if words.endswith(f" {name}")), key=len, default="")
+        family = labels.family(self.families, label)
         return family, self.families.get(family, self.default)
 
     def bounded(self, mass: float) -> float:

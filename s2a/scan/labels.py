@@ -2,7 +2,7 @@
 
 import logging
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 _log = logging.getLogger(__name__)
 
@@ -30,6 +30,12 @@ def is_removed(label: str) -> bool:
 def is_split(label: str) -> bool:
     """Return whether annotators marked a region as one that could not be annotated: "SPLIT", "split_2"."""
     return _SPLIT.match(label) is not None
+
+
+def family(names: Iterable[str], label: str) -> str:
+    """Return the longest of some names that a label ends with, "oven door" rather than "door"; "" for none."""
+    words = f" {label.lower().replace('_', ' ')}"
+    return max((name for name in names if words.endswith(f" {name}")), key=len, default="")
 
 
 def part_id(name: str, number: int) -> str:

@@ -168,6 +168,8 @@ STRUCTURE = ("wall", "floor", "ceiling")
 SPILLED, FREE, BETWEEN, BIN = 2.5, 12.0, (0.4, 0.8), 0.02
 # Added to the lengths of a box when they are compared [m]: what is thin is not trimmed to a sheet
 NOISE = 0.1
+# Extent [m] below which an object's sides are no tails: a front's edges are. Those of a wall may be
+THIN = 0.12
 # Least gain of a tail; fraction of an area that is trimmed for less; and that from which what leaves through the top or the
 # bottom is no tail
 WORTH, DUST, SMALL = 0.03, 0.015, 0.12
@@ -186,6 +188,11 @@ FOOT, LIFTED, HUNG = 0.06, 0.5, 1.2
 # A component apart from the largest one by this fraction of its own length is another thing; so is one beside that with less
 # than this fraction of its area, from this distance on [m]
 APART, PART = 0.5, (0.25, 0.05)
+# Largest usual height [m] of what has a level top, by the last words of its label: what rises above the top of a higher one
+# stands on it or behind it. Height of the band in which the top is looked for; least vertical component of its normals
+USUAL = {"refrigerator": 2.0, "fridge": 2.0, "washing machine": 0.95, "dishwasher": 0.95, "desk": 0.85, "nightstand": 0.75,
+         "coffee table": 0.6, "microwave": 0.4, "toaster oven": 0.38, "dishrack": 0.35, "dish rack": 0.35}  # fmt: skip
+TOP, UPWARDS = 0.08, 0.7
 TOUCHING = 0.01  # Largest distance of the boxes of components that touch [m]
 
 
@@ -209,7 +216,10 @@ def stray_faces(surface: ScanMesh, owner: np.ndarray, names: Mapping[int, str]) 
             mesh = keep(scan, own)
             whole = label.lower().rpartition(" ")[2] in STRUCTURE
             joined = np.zeros(len(own), int) if whole else components(mesh)
-            strays.append(own[~_body(mesh.vertices.astype(np.float64), mesh.faces, border[own], joined, whole)])
+            points = mesh.vertices.astype(np.float64)
+            body = _body(points, mesh.faces, border[own], joined, whole)
+            body &= ~_above_top(points[mesh.faces], body, USUAL.get(labels.family(USUAL, label), np.inf))
+            strays.append(own[~body])
     return np.concatenate(strays)
 
 
@@ -265,6 +275,22 @@ def _body(
     while (tail := _tail(points, faces, middle, area, border, body, bottom > LIFTED, structure, least)) is not None:
         body[tail] = False
     return body
+
+
+def _above_top(corners: np.ndarray, body: np.ndarray, usual: float) -> np.ndarray:
+    """Return the faces of a body above its level top, where it is higher than usual [m], shape [face].
+
+    `corners`: of its faces [m], shape [face 3 3].
+    """
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area, middle = 0.5 * np.linalg.norm(cross, axis=1), corners[:, :, 2].mean(axis=1)
+    height = middle - middle[body].min()
+    flat = body & (cross[:, 2] > 2 * UPWARDS * area) & (height < usual)
+    if height[body].max() <= usual or not flat.any():
+        return np.zeros(len(body), bool)
+    band = np.convolve(np.bincount((height[flat] / BIN).astype(int), area[flat]), np.ones(round(TOP / BIN)))
+    above = body & (height > BIN * (int(band.argmax()) + 1))
+    return above if area[above].sum() < IN_ALL * area[body].sum() else np.zeros(len(body), bool)
 
 
 def _one_component(corners: np.ndarray, area: np.ndarray, component: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -335,6 +361,8 @@ def _tail(
     for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))[: 6 if lifted else 5]:
         end, other = (top[:, axis], bottom[:, axis]) if sign > 0 else (-bottom[:, axis], -top[:, axis])
         low, high = float(other.min()), float(end.max())
+        if high - low < THIN and not structure:
+            continue
         bins = ((high - end) / BIN).astype(int)
         # Pieces that together are more than a tail are not looked at.
         few = np.flatnonzero(bins <= np.searchsorted(np.cumsum(np.bincount(bins, area)), TAIL * total, side="right"))

@@ -98,8 +98,8 @@ def test_masses_by_label_alone_are_one_key_away() -> None:
 
 
 def test_bounds_of_the_mass_that_leave_none_are_refused() -> None:
-    keys = ["prepare.free.mass.min_estimate=50", "stage=a", "targets=b", "out=c"]
-    with pytest.raises(InputError, match="'mass.min_estimate' is 50; expected 40 or less, as mass.max_estimate"):
+    keys = ["prepare.free.mass.min_estimate=200", "stage=a", "targets=b", "out=c"]
+    with pytest.raises(InputError, match="'mass.min_estimate' is 200; expected 150 or less, as mass.max_estimate"):
         configuration.load(verb.Config, configuration.compose("prepare", keys))
 
 
@@ -112,3 +112,30 @@ def test_friction_holds_a_heavy_part_on_the_slope_on_which_it_holds_a_light_one(
         made = prepare(replace(scene, parts={**scene.parts, "drawer_7": heavy}), "drawer_7", settings)
         assert moving(made).mass.mass == pytest.approx(mass)
         assert part(made).friction == pytest.approx(force)
+
+
+@pytest.mark.parametrize(
+    ("label", "size", "mass"),
+    [
+        ("bookcase", (0.80, 0.28, 2.02), 38.0),
+        ("nightstand", (0.46, 0.35, 0.70), 15.0),
+        ("dresser", (1.60, 0.48, 0.78), 72.0),
+        ("office desk", (1.20, 0.60, 0.73), 25.0),
+        ("dining table", (1.60, 0.90, 0.75), 32.0),
+        ("kitchen chair", (0.42, 0.49, 0.90), 5.0),
+        ("sofa", (2.18, 0.88, 0.88), 68.0),
+        ("fridge", (0.60, 0.65, 1.85), 70.0),
+        ("washing machine", (0.60, 0.60, 0.85), 70.0),
+        ("microwave", (0.46, 0.36, 0.28), 12.0),
+        ("tv", (1.23, 0.08, 0.71), 15.0),
+        ("monitor", (0.54, 0.20, 0.42), 4.5),
+        ("trash can", (0.25, 0.25, 0.35), 0.8),
+        ("laundry basket", (0.45, 0.35, 0.60), 2.0),
+    ],
+)
+def test_products_that_are_hollow_weigh_half_to_twice_what_shops_say(
+    label: str, size: tuple[float, float, float], mass: float
+) -> None:
+    a, b, c = size
+    rule = load(PrepareConfig, "prepare/handle").free.mass.rule(label)[1]
+    assert rule.by == "area" and mass / 2 <= rule.value * 2 * (a * b + b * c + c * a) <= 2 * mass

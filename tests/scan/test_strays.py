@@ -55,9 +55,9 @@ def scanned(*solids: Cells) -> tuple[ScanMesh, np.ndarray]:
     return surface, np.repeat(np.concatenate(owners), 2)
 
 
-def left(surface: ScanMesh, owner: np.ndarray) -> tuple[float, np.ndarray]:
+def left(surface: ScanMesh, owner: np.ndarray, label: str = "thing") -> tuple[float, np.ndarray]:
     """Return the fraction of the object's faces that stays, and its extents [m]."""
-    own = np.setdiff1d(np.flatnonzero(owner == 0), stray_faces(surface, owner, {0: "thing"}))
+    own = np.setdiff1d(np.flatnonzero(owner == 0), stray_faces(surface, owner, {0: label}))
     return len(own) / (owner == 0).sum(), np.ptp(surface.vertices[surface.faces[own]].reshape(-1, 3), axis=0)
 
 
@@ -137,3 +137,15 @@ def test_no_more_than_a_third_of_an_object_is_taken_for_a_spill() -> None:
     middles = surface.vertices[surface.faces].mean(axis=1)
     owner[(middles[:, 2] < 0.05) & (middles[:, 0] < 1.5) & (middles[:, 1] < 1.5) & (owner == -1)] = 0
     assert left(surface, owner)[0] > 0.66
+
+
+@pytest.mark.parametrize(("label", "height"), [("old_nightstand", 0.66), ("thing", 0.96), ("refrigerator", 0.96)])
+def test_what_stands_on_a_piece_too_high_for_its_kind_is_no_part_of_it(label: str, height: float) -> None:
+    surface, owner = scanned(between(0.3, 0.8, 0.3, 0.7, 0.04, 0.7), between(0.5, 0.64, 0.4, 0.56, 0.6, 1.0))
+    assert left(surface, owner, label)[1][2] == pytest.approx(height, abs=0.021)
+
+
+def test_edges_of_a_thin_front_stay_and_those_of_a_wall_go() -> None:
+    surface, owner = scanned(between(0.1, 0.14, 0.3, 1.5, 0.5, 1.3), between(0.04, 0.1, 0.3, 0.7, 0.5, 0.52))
+    assert left(surface, owner)[1][0] == pytest.approx(0.1, abs=0.001)
+    assert left(surface, owner, "wall")[1][0] == pytest.approx(0.04, abs=0.001)

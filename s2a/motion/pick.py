@@ -93,7 +93,7 @@ def read_stage(
             raise
 
     try:
-        (start, goal), plan = firmest(room, target, spec, lambda: _ends(room, target, config), plan_with)
+        (start, goal), plan = firmest(room, target, spec, kept(_ends(room, target, config)), plan_with)
     except Unreachable as error:  # of the first ends, for which there may have been work and time enough
         if not grasps.ended or isinstance(error, Ungraspable) or grasps.ended in str(error):
             raise
@@ -148,6 +148,19 @@ def firmest(
         return first_planned(room, target, spec, ends(), lambda each: plan(each, FIRM), FIRM)
     except Unreachable:
         return first_planned(room, target, spec, ends(), lambda each: plan(each, SLOPING), SLOPING)
+
+
+def kept(items: Iterator[Ends]) -> Callable[[], Iterator[Ends]]:
+    """Return what iterates over the same items each time it is called; each is made once, when it is first asked for."""
+    made: list[Ends] = []
+
+    def every() -> Iterator[Ends]:
+        yield from made
+        for item in items:
+            made.append(item)
+            yield item
+
+    return every
 
 
 def _ends(room: SimRoom, target: str, config: EndsConfig) -> Iterator[Ends]:

@@ -284,7 +284,7 @@ def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 # Spheres compared with the room, and what takes as long, after which no plan for an object is looked for any more: below 30 s,
 # the same on every machine; where there is a plan, most take a tenth to a half. And [s] that pass at most
-WORK, PATIENCE = 8_000_000, 300.0
+WORK, PATIENCE = 7_000_000, 300.0
 # Comparisons of a sphere that take as long as a point that grasps are looked for at, and as a grasp that is found
 SAMPLED, FOUND = 500, 60
 TILTED = 0.05  # [rad] Steps of the direction that is up in an object, which leans a little on what is not level

@@ -198,7 +198,7 @@ class PickPlanner:
         yield from tight
 
     def _least(self, tried: list[ObjectGrasps]) -> float:
-        """Return the penetration depth [m] of the grasp that comes nearest to being clear, of up to LEAST of each; inf of none."""
+        """Return the penetration depth [m] of the grasp nearest to being clear, of up to LEAST of each; inf of none."""
         least = math.inf
         for grasps in tried:
             count = len(grasps.tool)

@@ -14,6 +14,7 @@ from s2a.core.cache import recall
 from s2a.core.errors import InputError
 from s2a.prepare.mass import MassConfig, annotated_mass
 from s2a.prepare.room_hulls import LevelTop, TopConfig, level_top, reused
+from s2a.scan import labels
 from s2a.scene.geometry.convex import box, clip, close, contains, drop_small_components, grown, hull, vhacd, volume
 from s2a.scene.geometry.mesh_ops import merge, within
 from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
@@ -80,6 +81,23 @@ OUTLIERS = 0.005
 # Volume [m^3] up to which an object is as dense as its family. Larger ones hold more air: mass grows as the root of the volume,
 # and a basket of 0.1 m^3 is a fifth as dense
 SOLID = 0.004
+# Mass [kg/m^2] of what is made of boards, sheets and walls by the surface of its convex hull, by the last words of its label.
+# Estimates, from sizes and masses of such products
+SURFACE = {
+    name: mass
+    for mass, names in {
+        2.0: "bin, trash can, trashcan, basket, dish rack, dishrack, tissue box",  # 1.4 kg of 27 x 37 x 38 cm
+        4.0: "chair, stool",  # 8 kg of 42 x 49 x 90 cm
+        5.0: "table, desk, bench, monitor, clock",  # 32 kg of 160 x 90 x 75 cm
+        5.5: "couch, sofa, armchair, ottoman, bed",  # 47 kg of 200 x 90 x 85 cm
+        6.0: "toaster, toaster oven, kettle",
+        10.0: "cabinet, cupboard, nightstand, dresser, chest of drawers, wardrobe, bookshelf, bookcase, shelf, counter, "
+        "microwave, oven, printer, tv, refrigerator, fridge, stove, dishwasher, sink, bathtub, scale",  # 40 kg: 77 x 39 x 147 cm
+        16.0: "toilet",
+        22.0: "washing machine",
+    }.items()
+    for name in names.split(", ")
+}
 RAYS = 24  # Of those that look for a support, along either side of an object
 
 
@@ -292,12 +310,15 @@ def _estimate(
     scene: Scene, members: Sequence[str], inside: float, closed: Mesh | None, config: MassConfig
 ) -> tuple[float, str]:
     """Return an object's mass [kg] and where it comes from; by its volume [m^3], or the surface of its convex hull."""
-    annotated = annotated_mass(scene, members)
-    family, rule = config.rule(scene.parts[members[0]].label)
-    if annotated is not None or rule.by == "mass":
-        return (annotated, "annotated") if annotated is not None else (rule.value, f"usual for a {family}")
-    if rule.by == "area":
+    annotated, label = annotated_mass(scene, members), scene.parts[members[0]].label
+    if annotated is not None:
+        return annotated, "annotated"
+    surface = SURFACE.get(labels.family((*config.families, *SURFACE), label))
+    family, rule = config.rule(label)
+    if surface is not None and family not in SURFACE:
         area = float(closed.face_areas.sum()) if closed is not None else 0.0
-        return config.bounded(rule.value * area), f"the surface of its hull, {rule.value:g} kg/m^2"
+        return config.bounded(surface * area), f"the surface of its hull, {surface:g} kg/m^2"
+    if rule.by == "mass":
+        return rule.value, f"usual for a {family}"
     density = rule.value * min(1.0, math.sqrt(SOLID / max(inside, 1e-9)))
     return config.bounded(density * inside), f"its volume, {density:.3g} kg/m^3"

@@ -112,8 +112,7 @@ class MassRule:
     """How a family of parts is weighed.
 
     Attributes:
-        by: "area": of the front, or of a free object's convex hull; "volume": of the convex hull, or of a free object's closed
-            surface; "mass": whatever its size.
+        by: "area": of the front; "volume": of the convex hull, or of a free object's closed surface; "mass": whatever its size.
         value: [kg/m^2], [kg/m^3] or [kg].
         box: mass of the boards of the box behind a drawer's front [kg/m^2]; by area only.
         contents: mass of its contents by the area of its bottom [kg/m^2]; by area only.

@@ -133,7 +133,7 @@ def planner(args: argparse.Namespace) -> Iterator[tuple[str, Row]]:
     drawers = [
         (room, part) for room in sorted((args.inputs / "rooms").iterdir()) for part in _drawers(room / "room.usd")
     ]
-    jobs = {f"{room.name}/{part}": [f"stage={room}/room.usd", f"part={part}"] for room, part in drawers}
+    jobs = {f"{room.name}/{part}": [f"stage={room}/room.usd", f"part={part}", "sim=planner"] for room, part in drawers}
     yield from evaluations(args, "planner", jobs, repeated=2)
 
 

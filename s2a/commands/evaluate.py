@@ -191,11 +191,20 @@ def variation(task: MdpConfig, sim: SimConfig) -> list[str]:
     """Return in what worlds of one part differ; where in nothing, they are copies and their interval is of one episode."""
     moved = [getattr(task, key, 0.0) for key in ("start_shift", "start_turn")]  # of tasks that move an object
     errors = [getattr(task, key, (0.0, 0.0)) for key in ("grasp_error", "grasp_turn")]  # of tasks with a handle
+
+
+    def drawn_in(name: str) -> bool:
+        return sim.vary is not None and len({*getattr(sim.vary, name)}) > 1
+
     drawn = {
         "start": task.start_noise > 0.0 or any(moved),
         "action delay": task.action_delay[0] < task.action_delay[1],
         "observed grasp": any(most > 0.0 for _, most in errors),
-        **dict.fromkeys(("friction", "damping", "mass", "gains"), sim.vary is not None),
+        "joint friction": drawn_in("joint_friction"),
+        "joint damping": drawn_in("joint_damping"),
+        "mass": drawn_in("mass"),
+        "contact friction": drawn_in("contact_friction"),
+        "gains": drawn_in("gains"),
     }
     return [name for name, differs in drawn.items() if differs]
 

@@ -34,15 +34,23 @@ def track(items: Iterable[T], description: str, total: int | None = None) -> Ite
 
 
 def _in_lines(items: Iterable[T], description: str, total: int | None) -> Iterator[T]:
-    """Yield the items; write every LINE_EVERY how many are done, and the remaining time."""
+    """Yield the items; write every LINE_EVERY how many are done, and the remaining time; once where the first one takes as long."""
     begun = last = time.monotonic()
     count = len(items) if total is None and isinstance(items, Sized) else total
-    for done, item in enumerate(items):
-        if done and (now := time.monotonic()) - last >= LINE_EVERY:
-            last = now
-            left = timedelta(seconds=round((now - begun) / done * (count - done))) if count else None
-            note(f"{description}: {done} of {count}, {left} left" if count else f"{description}: {done}")
-        yield item
+    first = threading.Timer(LINE_EVERY, note, [f"{description}: 0 of {count}" if count else f"{description}: 0"])
+    first.daemon = True
+    first.start()
+    try:
+        for done, item in enumerate(items):
+            if done:
+                first.cancel()
+            if done and (now := time.monotonic()) - last >= LINE_EVERY:
+                last = now
+                left = timedelta(seconds=round((now - begun) / done * (count - done))) if count else None
+                note(f"{description}: {done} of {count}, {left} left" if count else f"{description}: {done}")
+            yield item
+    finally:
+        first.cancel()
 
 
 def is_terminal() -> bool:

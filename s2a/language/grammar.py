@@ -9,11 +9,13 @@ thing    = [ article ] words up to the next relation, comma or stop word
 
 from __future__ import annotations
 
+import difflib
 import itertools
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
+MISSPELLED = 0.86  # Similarity (difflib's ratio) from which a word is a misspelling of another
 NOUNS = {
     "counter": "kitchen counter|countertop|worktop|base cabinet|kitchen unit|kitchen island|counter top",
     "shelf": "bookshelf|bookcase|shelves|wall shelf|rack|shelving unit|shelf unit", "bookshelf": "bookcase|shelf|shelves",
@@ -163,11 +165,13 @@ def coarse_names(noun: str) -> set[str]:
 
 
 def alike(noun: str, kinds: Iterable[str]) -> list[str]:
-    """Return those of some kinds of things that are used as a noun's thing is, or stand in the same area of a home."""
+    """Return those of some kinds of things that are spelled like a noun, used as its thing is, or in the same area of a home."""
+    kinds = list(kinds)
+    spelled = difflib.get_close_matches(noun, kinds, cutoff=MISSPELLED)
     names = names_of(noun) | {noun.split()[-1]}
     groups = [{key, *nouns.split("|")} for key, nouns in (*NOUNS.items(), *COARSE.items(), *AREAS.items())]
     near = set().union(*(group for group in groups if group & names))
-    return [kind for kind in kinds if is_named(kind, near)]
+    return [*spelled, *(kind for kind in kinds if kind not in spelled and is_named(kind, near))]
 
 
 def is_named(label: str, names: Iterable[str]) -> bool:

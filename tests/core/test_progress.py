@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from contextlib import redirect_stdout
 
 import pytest
@@ -18,7 +20,12 @@ def test_tracking_changes_neither_the_items_nor_what_is_printed(capsys: pytest.C
 def test_a_log_has_lines_with_the_remaining_time(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(progress, "LINE_EVERY", 0.05)
+    for _ in track(range(1), "a long first item"):
+        time.sleep(0.2)
+    assert capsys.readouterr() == ("", "a long first item: 0 of 1\n")
     monkeypatch.setattr(progress, "LINE_EVERY", 0.0)
+    monkeypatch.setattr(threading.Timer, "start", lambda timer: None)
     assert list(track(range(3), "certify")) == [0, 1, 2]
     assert list(track(iter("ab"), "scan")) == ["a", "b"]
     lines = ["certify: 1 of 3, 0:00:00 left", "certify: 2 of 3, 0:00:00 left", "scan: 1"]

@@ -147,6 +147,11 @@ def test_quantities_and_conditions_are_refused(word: str) -> None:
     assert planned(f"open {word} the window").refusal == "impossible"
 
 
+def test_a_drawer_of_furniture_is_its_own_before_that_of_furniture_below_it() -> None:
+    facts = FACTS | {"drawer_20": drawer("drawer_20", "desk_1", -0.4, 0.4)}
+    assert [skill.words for skill in planned("open the top drawer of the desk", facts).skills] == ["open drawer_20"]
+
+
 def test_an_object_is_told_from_another_by_what_it_stands_on() -> None:
     other = replace(FACTS["glue_18"], id="glue_20", on="table_19")
     assert planned("put the glue stick into drawer_3", FACTS | {"glue_20": other}).refusal == "ambiguous"

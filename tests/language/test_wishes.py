@@ -357,3 +357,7 @@ def test_what_is_missing_is_answered_by_what_is_used_alike() -> None:
         InputError, match="no 'monitor' in this room; most alike: office desk, keyboard; there are: office desk"
     ):
         decline(read_wish("on the monitor", room()), "w", room(), understood=True)
+    with pytest.raises(InputError, match="no 'keybord' in this room; most alike: keyboard; there are: keyboard, "):
+        decline(read_wish("on the keybord", room()), "w", room(), understood=True)
+    with pytest.raises(InputError, match="no 'moon' in this room; there are: "):
+        decline(read_wish("on the moon", room()), "w", room(), understood=True)

@@ -25,20 +25,30 @@ def settings(*keys: str) -> verb.Config:
     return config.load(verb.Config, config.compose("evaluate", keys))
 
 
+DRAWN = ["joint friction", "joint damping", "mass", "contact friction"]
+"""What the worlds of an evaluation differ in by default, beside their start."""
+
+
 @pytest.mark.parametrize(
     ("keys", "differ"),
     [
-        (["task=open_part"], ["start"]),
-        (["task=close_part", "task.start_noise=0"], []),
-        (["task=open_part", "task.grasp_turn=[0,2]"], ["start", "observed grasp"]),
-        (["task=pick_place"], ["start"]),
-        (["task=pick_place", "task.start_noise=0"], []),
-        (["task=put_in", "task.start_noise=0", "task.start_turn=0.2"], ["start"]),
+        (["task=open_part"], ["start", *DRAWN]),
+        (["task=open_part", "sim=varied"], ["start", *DRAWN, "gains"]),
+        (["task=close_part", "sim=planner", "task.start_noise=0"], []),
+        (["task=open_part", "sim=planner", "task.grasp_turn=[0,2]"], ["start", "observed grasp"]),
+        (["task=pick_place", "sim=pick_place"], ["start"]),
+        (["task=pick_place", "sim=pick_place", "task.start_noise=0"], []),
+        (["task=put_in", "sim=put_in", "task.start_noise=0", "task.start_turn=0.2"], ["start"]),
     ],
 )
 def test_what_worlds_differ_in_is_known_for_each_task(keys: list[str], differ: list[str]) -> None:
     asked = settings("stage=room.usd", "out=x.json", *keys)
     assert verb.variation(asked.task, asked.sim) == differ
+
+
+def test_another_seed_draws_other_worlds() -> None:
+    first, other = (settings("stage=room.usd", "out=x.json", f"seed={seed}").sim.vary for seed in (3, 4))
+    assert first and other and (first.seed, other.seed) == (3, 4)
 
 
 def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) -> None:
@@ -51,7 +61,8 @@ def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) ->
     assert (metrics["part"], metrics["robot"], metrics["task"]) == ("drawer_2", "panda", "open_part")
     assert metrics["episode_steps"] == metrics["settings"]["task"]["episode_steps"] == 5
     assert metrics["sha256"] == layer_hash(stage) and Path(metrics["path"]) == stage.absolute()
-    assert metrics["variation"] == ["start"] and "3 episodes of 5 steps; worlds differ in: start" in said
+    differ = ", ".join(["start", *DRAWN])
+    assert metrics["variation"] == ["start", *DRAWN] and f"3 episodes of 5 steps; worlds differ in: {differ}" in said
     names = list(OpenPart.RESULTS.rates)
     assert {"grasp_success", "open_30cm", "final_open_95pct"} <= set(names)
     for name in names:

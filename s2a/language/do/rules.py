@@ -58,13 +58,15 @@ class Unresolved(Exception):
         self.kind, self.reason, self.options = kind, reason, tuple(options)
 
 
+def belonging(parts: Sequence[str], around: Sequence[str], facts: Facts) -> list[str]:
+    """Return those of some parts that belong to some furniture: its own, else those of furniture that stands below it."""
+    fitting = [i for i in parts if belongs(i, around, facts)]
+    return [i for i in fitting if {*_line(i, facts)[1:]} & {*around}] or fitting
+
+
 def belongs(part: str, around: Sequence[str], facts: Facts) -> bool:
     """Return True for what is a part of some furniture, stands on it, or belongs to furniture that stands below it."""
-    above: list[str] = []
-    at: str | None = part
-    while at is not None and at in facts:
-        above.append(at)
-        at = facts[at].parent
+    above = _line(part, facts)
     if {*above[1:], *facts[part].touches} & {*around} or any(facts[i].on in around for i in above):
         return True
     return any(facts[part].moves and _under(facts[above[-1]], facts[other]) for other in around if other in facts)
@@ -89,7 +91,7 @@ def positioned(parts: list[str], position: str, facts: Facts) -> list[str]:
         x, y = facts[parts[0]].facing or (1.0, 0.0)
         along = {i: float(np.dot(facts[i].center or (0, 0, 0), (-y, x, 0.0))) for i in parts}
         return _extreme(parts, along, largest=position in RIGHT)
-    if len({_root(i, facts) for i in parts}) > 1 and not set.intersection(*({*facts[i].touches} for i in parts)):
+    if len({_line(i, facts)[-1] for i in parts}) > 1 and not set.intersection(*({*facts[i].touches} for i in parts)):
         raise Unresolved("ambiguous", f"several pieces of furniture have such a part; which one's {position!r}?", parts)
     height = {i: (facts[i].center or (0, 0, 0))[2] for i in parts}
     if position in HIGH | LOW:
@@ -119,11 +121,12 @@ def _alike(parts: list[str], facts: Facts) -> bool:
     return all(float(np.dot(facings[0], other)) > 0.9 for other in facings)
 
 
-def _root(part: str, facts: Facts) -> str:
-    """Return the furniture that a part belongs to."""
-    while (parent := facts[part].parent) is not None and parent in facts:
-        part = parent
-    return part
+def _line(part: str, facts: Facts) -> list[str]:
+    """Return a part and what it belongs to, up to its furniture."""
+    line = [part]
+    while (parent := facts[line[-1]].parent) is not None and parent in facts:
+        line.append(parent)
+    return line
 
 
 ARTICLES = frozenset("the a an my your this that its some".split())
@@ -241,7 +244,7 @@ def _named(wanted: Phrase, facts: Facts) -> list[str]:
         if not around:  # "paper towel": of a compound all is named
             name = inner.noun if context == wanted.context else wanted.noun
             raise Unresolved("unknown", f"nothing in the room is called {name!r}")
-        within = [i for i in parts if belongs(i, around, facts)] if relation in ("of", "below") else []
+        within = belonging(parts, around, facts) if relation in ("of", "below") else []
         within = within or (_beside(parts, around, relation, facts) if relation != "of" else [])
         if not within and parts:
             words = "belongs to" if relation == "of" else f"is {relation}{' of' if relation in SIDES else ''}"

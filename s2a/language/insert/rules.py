@@ -13,15 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from s2a.language.ask import Answer, Request
-from s2a.language.grammar import BEDDING, is_kind_of
+from s2a.language.grammar import BEDDING, MISSPELLED, is_kind_of
 from s2a.language.insert.plan import CHOICES, FLAT, Range
 from s2a.language.insert.prompts import write_script
 from s2a.language.insert.stable_pose import AXES, sideways
 from s2a.scan.rest import UNANNOTATED
 
 FOLDER = Path(__file__).parent
-LIKE = 0.86
-"""Similarity (difflib's ratio) from which a word is a misspelling of another."""
 BULK = frozenset(
     "cardboard storage shipping moving wooden wood plastic metal big large empty delivery parcel postal amazon file archive toy "
     "tool glass water wine beer ikea card board".split()
@@ -109,8 +107,8 @@ def _by_noun(label: str) -> ObjectKind | None:
     made = [brand for brand in brands() if brand in words and re.search(rf"\b{re.escape(brand)}", words)]
     if made:
         return names[brands()[max(made, key=len)]]
-    close = difflib.get_close_matches(words, names, n=1, cutoff=LIKE)
-    close = close or difflib.get_close_matches(words.split()[-1] if words else "", names, n=1, cutoff=LIKE)
+    close = difflib.get_close_matches(words, names, n=1, cutoff=MISSPELLED)
+    close = close or difflib.get_close_matches(words.split()[-1] if words else "", names, n=1, cutoff=MISSPELLED)
     return names[close[0]] if close else None
 
 

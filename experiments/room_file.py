@@ -122,7 +122,9 @@ def _processor_time() -> float:
 
 def open_part(file: Path, part: str, num_envs: int, seed: int) -> dict[str, Any]:
     """Return what the planner reaches with one part of a room."""
-    settings = config.load(Config, config.compose("evaluate", [f"stage={file}", f"part={part}", "sim=planner", "out=-"]))
+    settings = config.load(
+        Config, config.compose("evaluate", [f"stage={file}", f"part={part}", "sim=planner", "out=-"])
+    )
     try:
         sim = Simulation(read_stage(file, part), settings.sim, num_envs)
         env = make_env(sim, settings.task, settings.metrics, {}, seed)

@@ -24,6 +24,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -37,7 +38,7 @@ from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.homes.sample import SampleConfig, sample
-from s2a.learn.evaluate import run_episodes
+from s2a.learn.evaluate import rate, run_episodes
 from s2a.motion.policy import Planner
 from s2a.prepare.grasp import find_target
 from s2a.prepare.part import ALL
@@ -91,17 +92,24 @@ def rates(found: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
 def agreement(found: list[dict[str, Any]]) -> dict[str, Any]:
     """Return how often certificate and planner agree on parts with a verdict of both, and the parts on which they do not.
 
-    The planner's verdict is that it grasps the part in most worlds; of a part that is not prepared there is neither.
+    The planner's verdict is that it grasps the part in most worlds. It has none of a part that it cannot reach: without a free
+    base or a plan; of a part that is not prepared there is neither.
     """
-    both = [part for part in found if part["graspable"] is not None and part["planner"] is not None]
+    judged = [part for part in found if part["graspable"] is not None and part["planner"] is not None]
+    both = [part for part in judged if part["planner"]["grasped"] is not None]
     pairs = [(part["graspable"], 2 * part["planner"]["grasped"] > part["planner"]["worlds"]) for part in both]
     kinds = {"both": (True, True), "neither": (False, False), "certificate": (True, False), "planner": (False, True)}
+    seconds = [part["seconds"] for part in judged]
     counts = {kind: pairs.count(pair) for kind, pair in kinds.items()}
     apart = [part for part, (certificate, planner) in zip(both, pairs, strict=True) if certificate != planner]
     return {
         "parts": len(both),
-        "agree": sum(a == b for a, b in pairs) / max(1, len(both)),
+        "agree": rate(sum(a == b for a, b in pairs), len(both)) if both else None,
         "graspable_by": counts,
+        "out_of_reach": [
+            f"{p['room']} {p['seed']} {p['target']}: {p['planner']['text']}" for p in judged if p not in both
+        ],
+        "certificate_seconds": {"mean": float(np.mean(seconds)), "max": max(seconds)} if seconds else None,
         "apart": [
             f"{p['room']} {p['seed']} {p['target']} ({p['style']}): certificate: {p['closure']}; planner: {p['planner']['text']}"
             for p in apart
@@ -110,21 +118,28 @@ def agreement(found: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _planner(stage: Path, part: str, worlds: int) -> dict[str, Any]:
-    """Return how often the planner opens and grasps a part, or why it does not try."""
+    """Return how often the planner opens and pinches a part, or why it does not try: `grasped` is None then.
+
+    A region wider than the gripper opens is not pinched, though the task's metric counts one finger there.
+    """
     keys = [f"stage={stage}", f"part={part}", "out=-", f"num_envs={worlds}", "device=cpu"]
     settings = config.load(evaluate.Config, config.compose("evaluate", keys))
     try:
         stages = settings.read_stages()
         sim = Simulation(stages, settings.sim, worlds, "cpu")
         env = make_env(sim, settings.task, settings.metrics, {}, settings.seed)
+        base = stages[0].room.articulations[part].bases[stages[0].robot]
+        if not base.free:
+            return {"worlds": worlds, "opened": None, "grasped": None, "text": f"no base: {base.reason}"}
         planner = Planner(env, settings.planner)
     except InputError as error:
-        return {"worlds": worlds, "opened": 0, "grasped": 0, "text": f"no plan: {error}"}
+        return {"worlds": worlds, "opened": None, "grasped": None, "text": f"no plan: {error}"}
     env.lengthen(planner.episode_steps)
     columns = run_episodes(env, planner)
     opened, grasped = (int(columns[name].sum()) for name in ("success", "grasp_success"))
-    base = stages[0].room.articulations[part].bases[stages[0].robot]
-    text = f"opened {opened}, grasped {grasped} of {worlds}" + ("" if base.free else f"; base {base.reason}")
+    text = f"opened {opened}, grasped {grasped} of {worlds}"
+    if float(stages[0].grasp_size[1]) >= sim.robot.gripper.max_opening and not stages[0].internal:
+        return {"worlds": worlds, "opened": opened, "grasped": 0, "text": f"{text}, by one finger: too wide to pinch"}
     return {"worlds": worlds, "opened": opened, "grasped": grasped, "text": text}
 
 

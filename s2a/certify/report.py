@@ -181,7 +181,8 @@ def images(path: Path, part: str, camera: OrbitCamera) -> dict[str, np.ndarray]:
     if not len(body.visual.faces) or not scene.colliders:
         return {}
     moving = [painted(c.mesh, color) for c, color in zip(body.colliders, itertools.cycle(TARGET), strict=False)]
-    others = [painted(mesh, OTHERS) for owner, _, mesh in hulls(room) if owner != part]
+    hidden = {collider.part for collider in room.static_colliders if collider.structure}  # walls are before the room
+    others = [painted(mesh, OTHERS) for owner, of, mesh in hulls(room) if owner != part and of not in hidden]
     view = _camera_pose(body.visual, body.visual, camera)
     seen, hard = list(scene.surfaces.values()), [*moving, *others]
     near = _camera_pose(room.articulations[part].grasp.region, body.visual, replace(camera, margin=NEAR))

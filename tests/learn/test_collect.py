@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import re
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -59,6 +60,24 @@ def test_kept_episodes_succeed_when_played_again(
     stage, out = collected
     assert cli.main(["replay", f"stage={stage}", f"dataset={out}", "num_envs=2", "device=cpu"]) == 0
     assert "3 of 3 episodes succeed when played again" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("library", ["pandas", "lerobot"])
+def test_the_snippets_that_read_demonstrations_run(
+    library: str, collected: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip(library)
+    page = (ROOT / "docs/demonstrations.md").read_text()
+    (text,) = (each for each in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if f" {library}" in each)
+    values: dict[str, Any] = {}
+    exec(text.replace("demo/demos", str(collected[1])), values)
+    out = capsys.readouterr().out
+    if library == "pandas":
+        assert out.count("(24, 9) opened by") == 3
+        assert values["depth"].shape == (24, 32, 32) and values["depth"].dtype == np.uint16
+        assert 500 < np.median(values["depth"]) < 6000, "millimetres"
+    else:
+        assert out.startswith("72 torch.Size([9]) torch.Size([3, 32, 32])")
 
 
 @pytest.fixture

@@ -288,5 +288,5 @@ def test_rates_that_a_plan_cannot_reach_are_left_out_and_numbers_have_their_mean
     values |= {"force": {"mean": 1.0, "min": 0.0, "max": 2.0}, "meanings": {"force": "The maximum force [N]."}}
     page = whole(read(write(tmp_path / "e.json", values)))
     assert "<td class=''>opened<" in page and "<td class=''>open_95pct" not in page
-    assert "Not reachable by the plan (planner.opening): open_95pct." in page
+    assert "Not reachable by the plan, which ends at planner.opening: open_95pct." in page
     assert "The maximum force [N]<" in page

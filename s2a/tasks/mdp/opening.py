@@ -151,37 +151,37 @@ def body_success(s: State, w: World, world: int):
 
 @wp.func
 def open_30cm(s: State, w: World, world: int):
-    """Opened by `wide_opening` at any time."""
+    """Opened by 30 cm at any time."""
     return reached(s, w, world, int(Limit.open_30cm))
 
 
 @wp.func
 def final_open_30cm(s: State, w: World, world: int):
-    """Open so far at the end."""
+    """Open by 30 cm at the end."""
     return stays(s, w, world, int(Limit.open_30cm))
 
 
 @wp.func
 def open_75pct_static(s: State, w: World, world: int):
-    """Open by `static_fraction` of the travel and hardly moving, at any time."""
+    """Open by 75 % of the travel and hardly moving, at any time."""
     return is_sound(s, world) * w.opened[world, Opened.stood]
 
 
 @wp.func
 def final_open_75pct_static(s: State, w: World, world: int):
-    """Open so and hardly moving at the end."""
+    """Open by 75 % of the travel and hardly moving at the end."""
     return stays(s, w, world, int(Limit.open_75pct_static)) * flag(is_still(s, w, world))
 
 
 @wp.func
 def open_95pct(s: State, w: World, world: int):
-    """Opened by `full_fraction` of the travel at any time."""
+    """Opened by 95 % of the travel at any time."""
     return reached(s, w, world, int(Limit.open_95pct))
 
 
 @wp.func
 def final_open_95pct(s: State, w: World, world: int):
-    """Open so far at the end."""
+    """Open by 95 % of the travel at the end."""
     return stays(s, w, world, int(Limit.open_95pct))
 
 

@@ -45,7 +45,8 @@ def rates(values: Mapping[str, Any]) -> str:
     rows = [(_words(name, values), *_interval(value)) for name, value in shown.items()]
     note = ""
     if beyond := values.get("beyond_plan"):
-        note = f"<p>Not reachable by the plan (planner.opening): {text(', '.join(beyond))}.</p>"
+        names = text(", ".join(_words(name, values).lower() for name in beyond))
+        note = f"<p>Not reachable by the plan, which ends at planner.opening: {names}.</p>"
     return table(("", "", "rate [95 %]"), rows) + note
 
 
@@ -74,7 +75,8 @@ def evaluation(values: Mapping[str, Any], path: Path) -> Document:
         shown = [(name.replace("_", " "), f"{100 * float(value):.0f} %") for name, value in use.items()]
         sections.append(("Peak use of the robot's limits", table(("", "of the limit"), shown)))
     if thresholds := values.get("thresholds"):
-        lengths = {f"{name} [m]" if name in LENGTHS else name: value for name, value in thresholds.items()}
+        units = {name: " [m]" if name in LENGTHS else "" for name in thresholds}
+        lengths = {_words(name, values) + units[name]: value for name, value in thresholds.items()}
         sections.append(("Thresholds", facts(lengths)))
     if over := values.get("over_parts"):
         sections += _over_parts(over, values["parts"])

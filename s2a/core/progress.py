@@ -34,7 +34,7 @@ def track(items: Iterable[T], description: str, total: int | None = None) -> Ite
 
 
 def _in_lines(items: Iterable[T], description: str, total: int | None) -> Iterator[T]:
-    """Yield the items; write every LINE_EVERY how many are done, and the remaining time; once where the first one takes as long."""
+    """Yield the items; write every LINE_EVERY how many are done, and the remaining time; once while the first one lasts."""
     begun = last = time.monotonic()
     count = len(items) if total is None and isinstance(items, Sized) else total
     first = threading.Timer(LINE_EVERY, note, [f"{description}: 0 of {count}" if count else f"{description}: 0"])

@@ -193,7 +193,21 @@ def _part(case: tuple[str, int, str, argparse.Namespace]) -> dict[str, Any]:
     row = {"room": room, "seed": seed, "target": target, "style": style, **_certified(folder, target, asked)}
     if not asked.planner:
         return row
-    return {**row, "planner": _planner(_stage(folder, asked), target, asked.planner) if "closure" in row else None}
+    return {**row, "planner": _planned(folder, target, asked) if "closure" in row else None}
+
+
+def _planned(folder: Path, part: str, asked: argparse.Namespace) -> dict[str, Any]:
+    """Return the planner's verdict of a part; one of the same stage by the same code is kept."""
+    stage, record = _stage(folder, asked), folder / asked.prepare / f"{part}.planner.json"
+    about = {"sha256": content_hash(stage), "worlds": asked.planner, **provenance("cpu")}
+    if record.exists() and not str(about["commit"]).endswith("+"):
+        earlier = json.loads(record.read_text())
+        if earlier["about"] == about:
+            return earlier["verdict"]
+    verdict = _planner(stage, part, asked.planner)
+    with atomic_write(record) as out:
+        out.write_text(json.dumps({"about": about, "verdict": verdict}))
+    return verdict
 
 
 def _certified(folder: Path, part: str, asked: argparse.Namespace) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import itertools
 import logging
 import os
 import re
+import shutil
 import signal
 import sys
 import tempfile
@@ -281,7 +282,8 @@ def _dispatch(arguments: list[str]) -> int:
     elif command not in commands():
         raise InputError(f"command {command!r} is unknown{config.nearest(command, commands())}")
     elif flags and {"--help", "-h", "--help-all"}.intersection(flags):
-        progress.show(_help(command, "--help-all" in flags))
+        text = _help(command, "--help-all" in flags)
+        progress.show(usage.fitted(text, shutil.get_terminal_size().columns) if sys.stdout.isatty() else text)
     elif "--multirun" in flags or "-m" in flags:
         sweep(command, overrides)
     else:

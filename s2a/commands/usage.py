@@ -4,6 +4,7 @@ import inspect
 import json
 import re
 import sys
+import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
@@ -50,6 +51,17 @@ def command(name: str, meaning: str, cls: type, every: bool = False) -> str:
         lines += ["", *(f"  {f'{group}.*':40} {n} keys: {texts.get(group, '')}" for group, n in inside.items())]
         lines += [f"  s2a {name} --help-all lists them."]
     return "\n".join([*lines, *options(name, cls)])
+
+
+def fitted(text: str, columns: int) -> str:
+    """Return a help text in lines of so many columns; a meaning goes on below its beginning, or below its key."""
+    lines: list[str] = []
+    for line in text.splitlines():
+        begin = re.match(r"( +\S+ +|  )?", line).end()  # type: ignore[union-attr]
+        below = " " * (begin if begin <= columns // 2 - 10 else 8)
+        keep = {"break_long_words": False, "break_on_hyphens": False}
+        lines += textwrap.wrap(line, columns, subsequent_indent=below, **keep) if len(line) > columns else [line]
+    return "\n".join(lines)
 
 
 def meanings(cls: type, values: Mapping[str, Any]) -> dict[str, str]:

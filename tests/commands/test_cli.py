@@ -15,7 +15,7 @@ import pytest
 import satellites
 import tiny_scan
 
-from s2a.commands import cli
+from s2a.commands import cli, usage
 from s2a.core import config
 from s2a.scene.usd import descriptive, geometric
 
@@ -107,6 +107,14 @@ def test_help_of_a_command_tells_each_key_its_value_and_meaning(capsys: pytest.C
     assert cli.main(["export", "--help"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.split() == ["scan=(required)", "folder", "of", "the", "scan."] for line in lines)
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_help_fits_a_terminal_and_loses_no_word(columns: int) -> None:
+    text = usage.command("export", "writes stages", cli.settings_of("export"))
+    text += "\n  policy=null                              " + "one of several words " * 12
+    lines = usage.fitted(text, columns).splitlines()
+    assert max(map(len, lines)) <= columns and " ".join(lines).split() == text.split()
 
 
 def test_export_writes_both_flavours_and_says_so(scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -236,7 +244,7 @@ def test_a_quick_command_imports_nothing_slow(module: str, heavy: list[str]):
 def test_what_a_command_imports_is_frozen_once_and_the_collector_goes_on() -> None:
     code = """
 import gc
-from s2a.commands import cli
+from s2a.commands import cli, usage
 cli._module("view")
 frozen = gc.get_freeze_count()
 cli._module("view")

@@ -59,8 +59,9 @@ def fitted(text: str, columns: int) -> str:
     for line in text.splitlines():
         begin = re.match(r"( +\S+ +|  )?", line).end()  # type: ignore[union-attr]
         below = " " * (begin if begin <= columns // 2 - 10 else 8)
-        keep = {"break_long_words": False, "break_on_hyphens": False}
-        lines += textwrap.wrap(line, columns, subsequent_indent=below, **keep) if len(line) > columns else [line]
+        if len(line) > columns:
+            line = textwrap.fill(line, columns, subsequent_indent=below, break_long_words=False, break_on_hyphens=False)
+        lines.append(line)
     return "\n".join(lines)
 
 

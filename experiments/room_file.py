@@ -17,13 +17,14 @@ import os
 import resource
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import newton
 import numpy as np
+import torch
 
 from s2a.commands.evaluate import Config
 from s2a.core import config
@@ -34,10 +35,11 @@ from s2a.motion.policy import Planner
 from s2a.prepare.free_objects import free_objects
 from s2a.prepare.part import ALL
 from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scene.articulation import lever_arm
 from s2a.scene.scene import Scene
 from s2a.scene.usd import geometric, sim_stage
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.sim.world import SimStage, read_stage
+from s2a.sim.world import SimStage, axis_of, read_stage
 from s2a.tasks import make_env
 
 RESULTS = Path(__file__).parent / "results/room_file.json"
@@ -120,13 +122,15 @@ def _processor_time() -> float:
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
-def open_part(file: Path, part: str, num_envs: int, seed: int) -> dict[str, Any]:
-    """Return what the planner reaches with one part of a room."""
+def open_part(
+    file: Path, part: str, num_envs: int, seed: int, also: Sequence[str] = (), device: str = "cpu"
+) -> dict[str, Any]:
+    """Return what the planner reaches with one part of a room, and how far what else moves (`also`) is ever displaced."""
     settings = config.load(
         Config, config.compose("evaluate", [f"stage={file}", f"part={part}", "sim=planner", "out=-"])
     )
     try:
-        sim = Simulation(read_stage(file, part), settings.sim, num_envs)
+        sim = Simulation(read_stage(file, part, also=also), settings.sim, num_envs, device)
         env = make_env(sim, settings.task, settings.metrics, {}, seed)
         planner = Planner(env, settings.planner)
         if (
@@ -134,13 +138,53 @@ def open_part(file: Path, part: str, num_envs: int, seed: int) -> dict[str, Any]
         ):  # some paths come near a singularity, where the arm has to go slowly
             env = make_env(sim, replace(settings.task, episode_steps=planner.steps + 1), settings.metrics, {}, seed)
             planner = Planner(env, settings.planner)
-        found = evaluate(env, planner)
+        watch = Displaced(sim)
+        found = evaluate(env, planner, watch)
     except InputError as error:
         return {"error": str(error).removeprefix(f"{file}: ")}
     names = ("success", "handle_success", "grasp_success")
     counts = {name: round(found[name]["rate"] * found["episodes"]) for name in names}
     opening = {name: round(found["opening"][name], 4) for name in ("mean", "min")}
-    return {"num_envs": num_envs, **counts, "opening": opening, "travel": round(sim.stage.travel, 3)}
+    others = {"others_mm": round(1000.0 * max(watch.paths.values()), 3)} if watch.paths else {}
+    return {"num_envs": num_envs, **counts, "opening": opening, "travel": round(sim.stage.travel, 3), **others}
+
+
+class Displaced:
+    """Largest displacement of each part and object but the target, in all worlds, since the first call.
+
+    Attributes:
+        paths: by id [m]; of a part that of its grasp point.
+        turns: by id [degree]; 0 for a slide.
+    """
+
+    def __init__(self, sim: Simulation) -> None:
+        """Watch the worlds of one stage."""
+        self._sim, self._room, self._start = sim, sim.stage.room, None
+        self.paths: dict[str, float] = dict.fromkeys(sim.stage.active[1:], 0.0)
+        self.turns = dict(self.paths)
+
+    def __call__(self) -> None:
+        """Compare the worlds with how they were at the first call."""
+        now = self._sim.joint_q.cpu(), self._sim.body_q.cpu()
+        if self._start is None:
+            self._start = now[0].clone(), now[1].clone()
+        for i in self.paths:
+            path, turn = self.moved(i, *now)
+            self.paths[i], self.turns[i] = max(self.paths[i], path), max(self.turns[i], turn)
+
+    def moved(self, i: str, q: torch.Tensor, poses: torch.Tensor) -> tuple[float, float]:
+        """Return path [m] and turn [degree] from the start to coordinates [world coord] and poses [world body 7]; inf for NaN."""
+        if i in self._room.free:
+            a, b = (each[:, self._sim.body(i)] for each in (self._start[1], poses))
+            turn = 2.0 * torch.rad2deg(torch.arccos((a[:, 3:] * b[:, 3:]).sum(dim=1).abs().clamp(max=1.0)))
+            path = (a - b)[:, :3].norm(dim=1)
+        else:
+            part = self._room.articulations[i]
+            at = axis_of(self._sim.world, i, part.joint.kind)[0]
+            change = (q - self._start[0])[:, at].abs()
+            path = change * lever_arm(part.joint, np.array(part.grasp.point))
+            turn = torch.rad2deg(change) if part.joint.kind == "revolute" else torch.zeros_like(change)
+        return float(path.nan_to_num(torch.inf).max()), float(turn.nan_to_num(torch.inf).max())
 
 
 def _free(scene: Scene, file: Path, count: int) -> dict[str, Any]:

@@ -1,6 +1,9 @@
 """Throughput of a sim.usd on one device: physics alone, the whole environment step, PPO; with and without the room.
 
     python tools/bench_sim.py STAGE [--num-envs 4096 ...] [--ppo 8x8x40 5x4x24 ...] [--iterations 20] [--out FILE]
+    python tools/bench_sim.py STAGE --live --part drawer_15 --num-envs 1024 4096
+
+`--live` compares a part that alone moves with the whole room live, without PPO and grasp.
 
 An environment step is one control step (4 physics steps) of one world. Actions are uniform random, resets included. PPO is
 timed from its third iteration on: the first two compile and capture. Its worlds touch more as it learns, which is slower. The
@@ -17,7 +20,7 @@ import argparse
 import json
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,11 +33,13 @@ from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.ppo import train
 from s2a.motion.policy import Planner
 from s2a.motion.trajectory import PlannerConfig
+from s2a.scene.usd.sim_scene import ALL
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 from s2a.tasks import make_env
 from s2a.tasks.env import VecEnv
 from s2a.tasks.open_part import OpenPartConfig, OpenPartMetrics
+from s2a.tasks.state import ERRORS
 
 STEPS = 200
 WARM_UP = 2
@@ -46,6 +51,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stage", type=Path)
     parser.add_argument("--part", help="articulated part of a room that has several")
+    parser.add_argument("--live", action="store_true", help="compare one part that moves with the whole room")
     parser.add_argument("--num-envs", type=int, nargs="+", default=[4096])
     parser.add_argument(
         "--ppo",
@@ -57,7 +63,10 @@ def main() -> None:
     parser.add_argument("--device", default="cuda:0" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--out", type=Path, help="write the rows as JSON")
     args = parser.parse_args()
-    rows = [bench(args, n, room) for n in args.num_envs for room in (True, False)]
+    if args.live:
+        rows = [bench_live(args, n, also) for n in args.num_envs for also in ((), (ALL,))]
+    else:
+        rows = [bench(args, n, room) for n in args.num_envs for room in (True, False)]
     if args.out:
         report = {**provenance(args.device), "stage": args.stage.name, "rows": rows}
         args.out.write_text(json.dumps(report, indent=1) + "\n")
@@ -89,6 +98,28 @@ def bench(args: argparse.Namespace, num_envs: int, room: bool) -> dict:
     if args.device.startswith("cuda"):
         free, total = torch.cuda.mem_get_info(args.device)
         row["gpu_memory_gb"] = (total - free) / 1e9
+    print(json.dumps({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}), flush=True)
+    return row
+
+
+def bench_live(args: argparse.Namespace, num_envs: int, also: Sequence[str]) -> dict:
+    """Measure one number of worlds of a part, and of further ones that move."""
+    begin = time.perf_counter()
+    sim = Simulation(
+        read_stage(args.stage, args.part, also=also), _load(SimConfig, "sim/planner"), num_envs, args.device
+    )
+    env, m = _env(sim), sim.solver.mjw_model
+    _sync(args.device)
+    row: dict = {"num_envs": num_envs, "moving": len(sim.stage.active), "coordinates": m.nv, "shapes": m.ngeom}
+    row |= {"pairs": len(m.nxn_geom_pair_filtered), "build_and_compile_s": time.perf_counter() - begin}
+    actions = torch.rand(STEPS, num_envs, env.num_actions, device=args.device) * 2.0 - 1.0
+    for action in actions:
+        env.step(action)
+    steps = iter([*actions, *actions])
+    row["env_step"] = num_envs * _rate(args.device, lambda: env.step(next(steps)))
+    row |= _contacts(sim)
+    row["physics"] = num_envs * _rate(args.device, _physics(sim))
+    row |= {name: int(env.result[:, env.columns.index(name)].sum()) for name in ERRORS}
     print(json.dumps({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}), flush=True)
     return row
 

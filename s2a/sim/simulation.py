@@ -1,9 +1,11 @@
 """Many worlds of one sim.usd, stepped together."""
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import mujoco_warp
 import newton
 import numpy as np
 import torch
@@ -17,6 +19,8 @@ from s2a.scene.usd.sim_scene import ALL
 from s2a.sim.solver import IGNORED_OVERFLOWS, Layout, SimConfig, hooks, layout, make_solver, vary
 from s2a.sim.world import SimStage, axis_of, body_index, build_world, empty_world
 
+_log = logging.getLogger(__name__)
+
 FEW = 8  # Stages that are built before a helper has started
 ATTRIBUTES = "custom_attributes"
 # Poses on a part's path in which pairs of hulls are counted, and those of the part for which `sim.nconmax` has room
@@ -27,6 +31,9 @@ FIXED = 64
 # Rows of constraints of a part: its friction, limits, and a contact; of an object at rest: 12 contacts, each with a normal
 # force and two of friction
 JOINT_ROWS, OBJECT_ROWS = 6, 36
+# [m] By which boxes of paths are larger than those of POSES poses on them: a door of 1 m that turns by half a turn bulges out
+# by 20 mm between two, and stops yield
+PATH_MARGIN = 0.05
 COLLIDES = int(newton.ShapeFlags.COLLIDE_SHAPES)
 
 
@@ -142,9 +149,12 @@ class Simulation:
                 self.part_dof = np.array([each.part_dof for each in layouts])[self.stage_of_env]
                 if config.vary is not None:
                     vary(self.model, self.layout, self.part_dof, config.vary)
-            self.solver = make_solver(
-                self.model, self._with_capacity(config, worlds) if with_robot or self.stage.is_live else config
-            )
+            if with_robot or self.stage.is_live:
+                poses = self._paths(worlds)
+                config = self._with_capacity(config, poses)
+            self.solver = make_solver(self.model, config)
+            if self.stage.is_live:
+                keep_pairs(self.solver, self.model, poses)
             self.solver.mjw_model.opt.warn_overflow &= ~int(IGNORED_OVERFLOWS)
             self.state, self.before = self.model.state(), self.model.state()
             self.control = self.model.control()
@@ -194,14 +204,25 @@ class Simulation:
         targets = {name: getattr(self.control, name) for name in ("joint_target_q", "joint_target_qd")}
         return arrays | targets | {"warm_start": self.solver.mjw_data.qacc_warmstart}
 
-    def _with_capacity(self, config: SimConfig, worlds: Sequence[newton.ModelBuilder]) -> SimConfig:
+    def _with_capacity(self, config: SimConfig, poses: Sequence[np.ndarray]) -> SimConfig:
         """Return the settings with room for the contacts of what moves and an arm among many hulls.
 
         MuJoCo drops what is beyond `nconmax` pairs of hulls whose bounding boxes overlap, whether they touch or not. Those of
         what moves with all else are counted along all paths at once in the first world of each stage; those beyond OWN get
         further room, and so does the arm for hulls beyond FIXED. Of a live room each part and object also gets further
         rows of constraints.
+
+        `poses`: of all bodies along the paths of what moves, shape [body 7] each.
         """
+        model, first = self.model, min(len(self.stages), self.num_envs)
+        fixed = np.bincount(model.shape_world.numpy()[_fixed(model)] + 1, minlength=2)[1:].max()
+        further = max(most_pairs(model, poses, first) - OWN, 0) + max(int(fixed) - FIXED, 0) // 2
+        live = (stage for stage in self.stages if stage.is_live)
+        rows = [JOINT_ROWS * len(s.room.articulations) + OBJECT_ROWS * len(s.room.free) for s in live]
+        return replace(config, nconmax=config.nconmax + further, njmax=config.njmax + max(rows, default=0))
+
+    def _paths(self, worlds: Sequence[newton.ModelBuilder]) -> list[np.ndarray]:
+        """Return poses of all bodies [body 7] as the parts of each stage's first world go through their range together."""
         model, first = self.model, min(len(self.stages), self.num_envs)
         axes = [
             np.array([model.joint_coord_count, model.joint_dof_count]) // self.num_envs * i
@@ -218,11 +239,7 @@ class Simulation:
             state = model.state()
             newton.eval_fk(model, wp.array(start, dtype=float), model.joint_qd, state)
             poses.append(state.body_q.numpy())
-        fixed = np.bincount(model.shape_world.numpy()[_fixed(model)] + 1, minlength=2)[1:].max()
-        further = max(most_pairs(model, poses, first) - OWN, 0) + max(int(fixed) - FIXED, 0) // 2
-        live = (stage for stage in self.stages if stage.is_live)
-        rows = [JOINT_ROWS * len(s.room.articulations) + OBJECT_ROWS * len(s.room.free) for s in live]
-        return replace(config, nconmax=config.nconmax + further, njmax=config.njmax + max(rows, default=0))
+        return poses
 
     def body(self, name: str) -> int:
         """Return the index of a body within a world."""
@@ -262,8 +279,6 @@ def most_pairs(model: newton.Model, poses: Sequence[np.ndarray], worlds: int) ->
     body, world = model.shape_body.numpy(), model.shape_world.numpy()
     some = np.flatnonzero((world >= 0) & (world < worlds) & (model.shape_flags.numpy() & COLLIDES > 0))
     body, world = body[some], world[some]
-    local = matrices(model.shape_transform.numpy()[some])
-    low, high = model.shape_collision_aabb_lower.numpy()[some], model.shape_collision_aabb_upper.numpy()[some]
     moved = np.abs(poses[-1] - poses[0]).max(axis=1) > 1e-6
     moved[model.joint_child.numpy()[model.joint_type.numpy() == newton.JointType.FREE]] = True
     mine = (body >= 0) & moved[body]
@@ -271,16 +286,88 @@ def most_pairs(model: newton.Model, poses: Sequence[np.ndarray], worlds: int) ->
     sides = [(shapes[mine[shapes]], shapes) for shapes in worlds_shapes]
     most = 0
     for pose in poses:
-        bodies = np.concatenate([matrices(pose), np.eye(4)[None]])  # shapes of no body have the last, -1
-        place = bodies[body] @ local
-        center = np.einsum("nij,nj->ni", place[:, :3, :3], (low + high) / 2) + place[:, :3, 3]
-        half = np.einsum("nij,nj->ni", np.abs(place[:, :3, :3]), (high - low) / 2)
+        center, half = boxes_at(model, some, pose)
         for own, other in sides:
             apart = (np.abs(center[own][:, None] - center[other]) > half[own][:, None] + half[other]).any(axis=2)
             # Two that both move meet twice in this table
             twice = mine[other] & (own[:, None] > other)
             most = max(most, int((~apart & ~twice & (body[own][:, None] != body[other])).sum()))
     return most
+
+
+def boxes_at(model: newton.Model, shapes: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return centres and half extents [shape 3] of the bounding boxes of some shapes, their bodies at poses [body 7]."""
+    low, high = (each.numpy()[shapes] for each in (model.shape_collision_aabb_lower, model.shape_collision_aabb_upper))
+    bodies = np.concatenate([matrices(pose), np.eye(4)[None]])  # shapes of no body have the last, -1
+    place = bodies[model.shape_body.numpy()[shapes]] @ matrices(model.shape_transform.numpy()[shapes])
+    center = np.einsum("nij,nj->ni", place[:, :3, :3], (low + high) / 2) + place[:, :3, 3]
+    return center, np.einsum("nij,nj->ni", np.abs(place[:, :3, :3]), (high - low) / 2)
+
+
+def boxes(model: newton.Model, shapes: np.ndarray, poses: Sequence[np.ndarray]) -> np.ndarray:
+    """Return boxes that shapes of the first world never leave [m], shape [shape 2 3]; infinite where nothing bounds them.
+
+    A body on one joint keeps to the poses of its path. One on several, as a robot's link or a drawer on a door, is no farther
+    from what is fixed than all joints allow; a free one may be anywhere.
+
+    Args:
+        model: of all worlds.
+        shapes: indices of the shapes.
+        poses: of all bodies along the paths of what moves, shape [body 7] each.
+    """
+    placed = [boxes_at(model, shapes, pose) for pose in poses]
+    low = np.min([center - half for center, half in placed], axis=0) - PATH_MARGIN
+    high = np.max([center + half for center, half in placed], axis=0) + PATH_MARGIN
+    joints, anchor, reach = _reaches(model, poses[0])
+    body = model.shape_body.numpy()[shapes]  # what is fixed has the last entry, -1
+    several = joints[body] > 1
+    size = np.abs(np.stack([model.shape_collision_aabb_lower.numpy(), model.shape_collision_aabb_upper.numpy()])).max(
+        axis=0
+    )
+    around = reach[body] + np.linalg.norm(model.shape_transform.numpy()[shapes, :3], axis=1)
+    around = (around + np.linalg.norm(size[shapes], axis=1) + PATH_MARGIN)[:, None]
+    low[several], high[several] = (anchor[body] - around)[several], (anchor[body] + around)[several]
+    return np.stack([low, high], axis=1)
+
+
+def _reaches(model: newton.Model, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return of each body of the first world, and last of what is fixed, how many joints move it, and within what ball.
+
+    That is centre [body 3] and radius [body] of a ball that its origin never leaves [m]. `pose`: of all bodies, shape [body 7].
+    """
+    worlds, lower, upper = max(1, model.world_count), model.joint_limit_lower.numpy(), model.joint_limit_upper.numpy()
+    offsets = [np.linalg.norm(each.numpy()[:, :3], axis=1) for each in (model.joint_X_p, model.joint_X_c)]
+    ahead, dofs, kinds = model.joint_X_p.numpy()[:, :3], model.joint_dof_dim.numpy(), model.joint_type.numpy()
+    parents, children, first = model.joint_parent.numpy(), model.joint_child.numpy(), model.joint_qd_start.numpy()
+    bodies = np.concatenate([matrices(pose), np.eye(4)[None]])
+    moving, reach, anchor = np.zeros(len(bodies), int), np.zeros(len(bodies)), bodies[:, :3, 3].copy()
+    for j in range(model.joint_count // worlds):  # parents come before children
+        parent, child, slides = parents[j], children[j], slice(first[j], first[j] + dofs[j, 0])
+        slide = np.maximum(np.abs(lower[slides]), np.abs(upper[slides])).sum()
+        moving[child] = moving[parent] + int(dofs[j].sum())
+        reach[child] = reach[parent] + offsets[1][j] + (np.inf if kinds[j] == newton.JointType.FREE else slide)
+        if moving[parent]:
+            anchor[child], reach[child] = anchor[parent], reach[child] + offsets[0][j]
+        elif moving[child]:
+            anchor[child] = bodies[parent, :3, :3] @ ahead[j] + bodies[parent, :3, 3]
+    return moving, anchor, reach
+
+
+def keep_pairs(solver: newton.solvers.SolverMuJoCo, model: newton.Model, poses: Sequence[np.ndarray]) -> None:
+    """Leave out pairs of a live room's shapes whose boxes never meet: of a room's parts most never do.
+
+    MuJoCo tests every pair in every physics step. `poses`: as `boxes`.
+    """
+    m, shapes = solver.mjw_model, solver.mjc_geom_to_newton_shape.numpy()[0]
+    pairs, ids = m.nxn_geom_pair_filtered.numpy(), m.nxn_pairid_filtered.numpy()
+    bounds = boxes(model, np.maximum(shapes, 0), poses)
+    bounds[shapes < 0] = [3 * [-np.inf], 3 * [np.inf]]
+    a, b = bounds[pairs[:, 0]], bounds[pairs[:, 1]]
+    meet = ((a[:, 0] <= b[:, 1]) & (b[:, 0] <= a[:, 1])).all(axis=1)
+    m.nxn_geom_pair_filtered = wp.array(pairs[meet], dtype=wp.vec2i)
+    m.nxn_pairid_filtered = wp.array(ids[meet], dtype=wp.vec2i)
+    m.opt.broadphase = mujoco_warp.BroadphaseType.NXN  # it took another one for many pairs
+    _log.info("%d of %d pairs of shapes may meet", meet.sum(), len(meet))
 
 
 def _fixed(model: newton.Model) -> np.ndarray:

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import newton
 import numpy as np
+import pytest
 import warp as wp
 from cabinet import write_cabinet
 from settings import load
 
-from s2a.sim.simulation import SimConfig, Simulation, most_pairs
+from s2a.sim.simulation import SimConfig, Simulation, boxes, most_pairs
 from s2a.sim.world import read_stage
 
 
@@ -49,6 +50,13 @@ def test_pairs_are_counted_in_the_worst_pose_of_the_worst_world() -> None:
 def test_only_the_first_worlds_are_looked_at_and_what_never_moves_has_no_pairs() -> None:
     assert most_pairs(model(), poses(0.0, 1.0), 1) == 0
     assert most_pairs(model(), poses(1.0, 1.0), 2) == 0
+
+
+def test_boxes_of_a_live_room_hold_whatever_its_shapes_can_reach() -> None:
+    path, places = model(), poses(0.0, 1.0, 2.0)
+    sliding, fixed = boxes(path, np.array([2, 4]), places)  # the second world's block, and the first one on its path
+    assert sliding.tolist() == pytest.approx(np.array([[-0.15, -0.15, -0.15], [2.15, 0.15, 0.15]]))
+    assert fixed.tolist() == pytest.approx(np.array([[0.85, -0.15, -0.15], [1.15, 0.15, 0.15]]))
 
 
 def test_counting_leaves_the_worlds_at_their_start(tmp_path: Path) -> None:

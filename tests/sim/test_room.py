@@ -10,6 +10,7 @@ import newton
 import numpy as np
 import pytest
 import torch
+import warp as wp
 from cabinet import HANDLE, box, free_cube, write_cabinet
 from nested_room import INNER, LONE, nested_room, quick
 from settings import load
@@ -21,7 +22,7 @@ from s2a.scene.geometry.convex import deepest
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import ALL, Base, Collider
-from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.simulation import SimConfig, Simulation, boxes, boxes_at
 from s2a.sim.world import JointConfig, axis_of, build_world, read_stage
 from s2a.tasks import make_env
 from s2a.tasks.open_part import OpenPartConfig, OpenPartMetrics
@@ -211,6 +212,25 @@ def test_in_a_live_room_everything_moves_and_every_collider_is_there(path: Path)
     assert set(ends(builder.body_label)) == set(room.bodies)
     assert builder.joint_dof_count == len(room.articulations)
     assert len(static(builder)) >= len(room.static_colliders)
+
+
+def test_no_shape_of_a_live_room_leaves_the_box_that_decides_what_it_may_meet(path: Path) -> None:
+    sim = Simulation(read_stage(path, "drawer_7", also=(ALL,)), load(SimConfig, "sim/pick_place"), 1)
+    model, shapes = sim.model, np.arange(sim.model.shape_count)
+    bounds = boxes(model, shapes, sim._paths([sim.world]))
+    low, high = model.joint_limit_lower.numpy(), model.joint_limit_upper.numpy()
+    state, random = model.state(), np.random.default_rng(0)
+    for q in random.uniform(low, high, (20, len(low))).astype(np.float32):
+        newton.eval_fk(model, wp.array(q, dtype=float), model.joint_qd, state)
+        center, half = boxes_at(model, shapes, state.body_q.numpy())
+        assert (bounds[:, 0] <= center - half).all() and (center + half <= bounds[:, 1]).all()
+    assert np.isfinite(bounds).all()
+    # The drawer that stands alone, 1.2 m beside the cabinet, meets none of its parts, and the robot only what it reaches.
+    pairs = sim.solver.mjc_geom_to_newton_shape.numpy()[0][sim.solver.mjw_model.nxn_geom_pair_filtered.numpy()]
+    bodies = model.shape_body.numpy()[pairs]
+    lone, door = sim.body(LONE), sim.body("door_5")
+    assert not (np.sort(bodies, axis=1) == sorted((lone, door))).all(axis=1).any()
+    assert ((bodies == lone).any(axis=1) & np.isin(bodies, sim.layout.robot_bodies).any(axis=1)).any()
 
 
 def test_the_next_task_goes_on_where_the_last_one_ended(path: Path) -> None:

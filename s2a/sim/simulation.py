@@ -307,8 +307,8 @@ def boxes_at(model: newton.Model, shapes: np.ndarray, pose: np.ndarray) -> tuple
 def boxes(model: newton.Model, shapes: np.ndarray, poses: Sequence[np.ndarray]) -> np.ndarray:
     """Return boxes that shapes of the first world never leave [m], shape [shape 2 3]; infinite where nothing bounds them.
 
-    A body on one joint keeps to the poses of its path. One on several, as a robot's link or a drawer on a door, is no farther
-    from what is fixed than all joints allow; a free one may be anywhere.
+    A part on one joint keeps to the poses of its path. Any other body, as a robot's link or a drawer on a door, is no farther
+    from what is fixed than its joints allow; a free one may be anywhere.
 
     Args:
         model: of all worlds.
@@ -320,13 +320,14 @@ def boxes(model: newton.Model, shapes: np.ndarray, poses: Sequence[np.ndarray]) 
     high = np.max([center + half for center, half in placed], axis=0) + PATH_MARGIN
     joints, anchor, reach = _reaches(model, poses[0])
     body = model.shape_body.numpy()[shapes]  # what is fixed has the last entry, -1
-    several = joints[body] > 1
+    path = np.append(np.ptp(poses, axis=0).max(axis=1) > 0.0, False)
+    loose = (joints[body] > 1) | ((joints[body] == 1) & ~path[body])
     size = np.abs(np.stack([model.shape_collision_aabb_lower.numpy(), model.shape_collision_aabb_upper.numpy()])).max(
         axis=0
     )
     around = reach[body] + np.linalg.norm(model.shape_transform.numpy()[shapes, :3], axis=1)
     around = (around + np.linalg.norm(size[shapes], axis=1) + PATH_MARGIN)[:, None]
-    low[several], high[several] = (anchor[body] - around)[several], (anchor[body] + around)[several]
+    low[loose], high[loose] = (anchor[body] - around)[loose], (anchor[body] + around)[loose]
     return np.stack([low, high], axis=1)
 
 

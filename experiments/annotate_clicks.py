@@ -21,8 +21,7 @@ import browser
 import clicking
 
 from s2a import scan
-from s2a.annotate import files
-from s2a.annotate.page import panel, shown
+from s2a.annotate import files, panel, shown
 from s2a.annotate.region import FrontRegion
 from s2a.annotate.surface import SplitSurface
 from s2a.commands import cli

@@ -33,7 +33,7 @@ from proposals import faces_of, overlap, true_parts
 
 from s2a import scan
 from s2a.annotate import existing, files
-from s2a.annotate.editor import Editor
+from s2a.annotate.annotation import Editor
 from s2a.annotate.handle import usual_place
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface

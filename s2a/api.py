@@ -125,7 +125,7 @@ def convert(
             converter.ConvertSettings, "convert", {"stage": stage, "out": out, "to": to, "parts": parts}, overrides
         )
         converter.convert(settings)
-        return settings.out / converter.WRITERS[settings.to].FILE
+        return settings.out / converter.FILES[settings.to]
 
 
 def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ()) -> list[ValidationReport]:

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.certify import asset as checks
 from s2a.certify.asset import BOUNDS, AssetSubject
-from s2a.certify.convert.links import write_hull
+from s2a.certify.links import write_hull
 from s2a.core.check import Check, ValidationReport
 from s2a.core.errors import InputError
 from s2a.scene.geometry.convex import overlap, vhacd

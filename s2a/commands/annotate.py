@@ -9,8 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from s2a.annotate import existing, files
-from s2a.annotate.annotation import Draft, of_all
-from s2a.annotate.editor import Editor
+from s2a.annotate.annotation import Draft, Editor, of_all
 from s2a.annotate.propose import furniture
 from s2a.annotate.propose.layers import ProposeConfig
 from s2a.annotate.region import GrowConfig
@@ -85,7 +84,7 @@ def run(config: Config) -> str:
 
     if not config.page:
         return save(editor.annotation)
-    from s2a.annotate.page.panel import served  # viser is of the extra "view"
+    from s2a.annotate.panel import served  # viser is of the extra "view"
 
     view = framing_pose(scan.mesh.vertices, START, config.camera)
     with served(

@@ -1,7 +1,7 @@
 """Command `s2a convert`: write a simulation-ready stage as MJCF or URDF, for other simulators."""
 
-from s2a.certify.convert import WRITERS, ConvertSettings, convert, urdf
-from s2a.certify.convert.links import LinkedRoom
+from s2a.certify.convert import FILES, PAIRS, ConvertSettings, convert
+from s2a.certify.links import LinkedRoom
 
 Config = ConvertSettings
 
@@ -13,7 +13,7 @@ def run(config: Config) -> str:
         InputError: no simulation-ready stage; an id that cannot move; `out` is a file, or a folder of something else.
     """
     linked = convert(config)
-    return "\n".join([f"{config.out / WRITERS[config.to].FILE}: {_count(linked)}", *_lost(config, linked)])
+    return "\n".join([f"{config.out / FILES[config.to]}: {_count(linked)}", *_lost(config, linked)])
 
 
 def _count(linked: LinkedRoom) -> str:
@@ -32,7 +32,7 @@ def _lost(config: Config, linked: LinkedRoom) -> list[str]:
         return []
     joint = config.sim.joint
     unit = "N/m at the grasp point" if joint.spring == "grasp" else "N/m or N m/rad"
-    lines = [f"  {urdf.PAIRS}: {len(linked.filtered())} pairs of links that do not collide"]
+    lines = [f"  {PAIRS}: {len(linked.filtered())} pairs of links that do not collide"]
     if joint.stiffness:
         lines.append(
             f"  without the spring of {joint.stiffness:g} {unit} that closes each part, which URDF cannot hold"

@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.homes import beds, clutter, fittings, household, objects, sanitary, storage
+from s2a.homes import clutter, fittings, furniture, household, objects, storage
 from s2a.homes import kitchen as units
-from s2a.homes import office as furniture
 from s2a.homes.clutter import Board
 from s2a.homes.floor_plan import FloorPlan
 from s2a.homes.fronts import Palette, Style, random_palette, random_style
@@ -92,25 +91,25 @@ def _with_tv(rng: np.random.Generator, bench: Piece) -> Piece:
 def _seats(plan: FloorPlan, colors: Palette) -> None:
     """Place a sofa with pillows at a wall with a low table before it, and an armchair."""
     rng = plan.rng
-    sofa, width = beds.sofa(rng, colors.cloth)
+    sofa, width = furniture.sofa(rng, colors.cloth)
     count = integer(rng, 0, 3)
     places = (np.arange(count) + 0.5) / max(count, 1) * (width - 0.7) - (width - 0.7) / 2
     lean = [objects.pillow((0.36, 0.36, 0.12), random_color(rng, 60, 230)).moved(at(0.62, y, 0.44)) for y in places]
-    tables = beds.coffee_table(rng, random_style(rng, colors, "living", "bedroom", "paper"))
+    tables = furniture.coffee_table(rng, random_style(rng, colors, "living", "bedroom", "paper"))
     deep = float(np.ptp(tables[0].surface.vertices[:, 0]))
     before = at(0.9 + rng.uniform(0.35, 0.45) + deep / 2, rng.uniform(-0.15, 0.15), 0, 0)
     group = [sofa, *lean, *(table.moved(before) for table in tables)]
     if plan.against(group, stand=0.6, attempts=16) is None:
         plan.need(plan.against([sofa, *lean], attempts=16))
     if chance(rng, 0.5):
-        chair = beds.armchair(random_palette(rng).cloth).moved(at(0.9, 0))
+        chair = furniture.armchair(random_palette(rng).cloth).moved(at(0.9, 0))
         plan.against([chair], askew=8, gap=0.15)
 
 
 def dining_room(plan: FloorPlan, colors: Palette) -> None:
     """Place a table with chairs, a sideboard, a vitrine."""
     rng = plan.rng
-    table = beds.dining(rng, random_style(rng, colors, "dishes", "dishes"))
+    table = furniture.dining(rng, random_style(rng, colors, "dishes", "dishes"))
     families = (storage.sideboard, storage.vitrine, storage.sideboard, storage.chest, storage.shelf)
     _need(plan, [storage.sideboard(rng, random_style(rng, colors, "dishes", "living", "cutlery"))])
     plan.need(plan.anywhere(table, attempts=80))
@@ -131,7 +130,7 @@ def bedroom(plan: FloorPlan, colors: Palette) -> None:
     """Place a bed with nightstands, a wardrobe, chests, a trunk."""
     rng = plan.rng
     style = random_style(rng, colors, "clothes", drawers="linen")
-    pieces, half, sides = beds.bed(rng, style, colors.cloth)
+    pieces, half, sides = furniture.bed(rng, style, colors.cloth)
     night = random_style(rng, colors, "bedroom", "bedroom", "paper")
     for side in sorted(sides & set(pick(rng, ((-1, 1), (-1, 1), (1,), (-1,), ())))):
         stand = storage.nightstand(rng, night)
@@ -153,17 +152,17 @@ def bathroom(plan: FloorPlan, colors: Palette) -> None:
     """Place a bathtub or none, a toilet, a vanity with a mirror cabinet, cupboards, a hamper."""
     rng = plan.rng
     style = random_style(rng, colors, "bath", "bath", "toiletries")
-    vanity = sanitary.vanity(rng, style)
+    vanity = units.vanity(rng, style)
     if chance(rng, 0.8):
-        vanity.append(sanitary.mirror_cabinet(rng, style))
+        vanity.append(units.mirror_cabinet(rng, style))
     _need(plan, vanity, WASH_STAND, 16, askew=0.2)
-    _need(plan, [sanitary.toilet()], 0.45, 16, askew=0.3)
+    _need(plan, [units.toilet()], 0.45, 16, askew=0.3)
     if chance(rng, 0.6):
-        tub = sanitary.bathtub(rng.uniform(1.5, 1.8), rng.uniform(0.7, 0.8))
+        tub = units.bathtub(rng.uniform(1.5, 1.8), rng.uniform(0.7, 0.8))
         plan.against([tub], attempts=16, askew=0.0, gap=0.004)
     if chance(rng, 0.45):
-        plan.against([sanitary.washer(rng)], stand=WASH_STAND, askew=0.5, gap=0.03)
-    families = (sanitary.tall_cupboard, storage.hamper, sanitary.tall_cupboard)
+        plan.against([units.washer(rng)], stand=WASH_STAND, askew=0.5, gap=0.03)
+    families = (units.tall_cupboard, storage.hamper, units.tall_cupboard)
     _more(plan, colors, (2, 4), families, "bath", "bath", "toiletries", stand=WASH_STAND)
     _small(plan)
 
@@ -171,15 +170,15 @@ def bathroom(plan: FloorPlan, colors: Palette) -> None:
 def laundry(plan: FloorPlan, colors: Palette) -> None:
     """Place washing machine and dryer, tall cupboards, hampers, shelves."""
     rng = plan.rng
-    machines = [sanitary.washer(rng)]
+    machines = [units.washer(rng)]
     if chance(rng, 0.6):
-        machines.append(sanitary.washer(rng, "dryer").moved(at(0, rng.uniform(0.62, 0.7))))
+        machines.append(units.washer(rng, "dryer").moved(at(0, rng.uniform(0.62, 0.7))))
     _need(plan, machines, WASH_STAND, 16, askew=0.4, gap=0.03)
-    families = (sanitary.tall_cupboard, storage.hamper, sanitary.tall_cupboard, storage.hamper)
+    families = (units.tall_cupboard, storage.hamper, units.tall_cupboard, storage.hamper)
     _more(plan, colors, (3, 6), families, "linen", "linen", "linen", stand=WASH_STAND)
     style = random_style(rng, colors, "linen", "nothing", "linen")
     if chance(rng, 0.6):
-        plan.against(sanitary.vanity(rng, style), stand=WASH_STAND, askew=0.2)
+        plan.against(units.vanity(rng, style), stand=WASH_STAND, askew=0.2)
     _small(plan)
 
 
@@ -283,7 +282,7 @@ def kitchen(plan: FloorPlan, colors: Palette) -> None:
         tall = units.tall_unit(rng, rng.uniform(0.4, 0.62), kitchen.sizes, base)
         plan.against([tall], stand=ROW_STAND, askew=0.3, gap=0.002)
     if chance(rng, 0.5):
-        plan.anywhere(beds.dining(rng, random_style(rng, colors, "dishes", "dishes")), attempts=40)
+        plan.anywhere(furniture.dining(rng, random_style(rng, colors, "dishes", "dishes")), attempts=40)
     if chance(rng, 0.4):
         plan.against([storage.shelf(rng, random_style(rng, colors, "pantry", "kitchen", "cutlery"))], stand=ROW_STAND)
     if chance(rng, 0.7):

@@ -10,12 +10,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.core.errors import InputError
-from s2a.motion.free_motion import free_motion
 from s2a.motion.workcell import Depth, Workcell
 from s2a.robot.collision import SLACK, Penetration
 from s2a.robot.kinematics import Kinematics
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import follow, turns
+from s2a.robot.tool_path import follow, free_motion, turns
 
 Item = TypeVar("Item")
 UNREACHABLE = 10.0  # Depth [m] that stands for a path that the arm cannot follow

@@ -16,8 +16,9 @@ from s2a.robot.tool_path import PathSettings, ToolPath
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, read_stage
+from s2a.tasks import state
 from s2a.tasks.kernels import observation_kernel, result_kernel
-from s2a.tasks.mdp import binding, grasp
+from s2a.tasks.mdp import grasp
 from s2a.tasks.mdp.grasp import clear_contacts, keep_region_force
 from s2a.tasks.state import PERSISTENT, State
 
@@ -172,7 +173,7 @@ class Task:
             raise InputError("key 'task.fine_grasp' adds to what task.describe_part=true observes; give that, too")
         with wp.ScopedDevice(sim.device):
             self.sensor = ContactSensor(sim, getattr(config, "contact_distance", 0.0))
-            self.world = binding.bind(sim, self.sensor, config, metrics, len(self.OWN))
+            self.world = state.bind(sim, self.sensor, config, metrics, len(self.OWN))
             self.bind()
             joints = sim.layout.robot_joints
             self.columns, self.observations, self._observe = _layout(active(self.OBSERVATIONS, config), joints)

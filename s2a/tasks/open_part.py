@@ -10,8 +10,7 @@ from s2a.core.bounds import AtLeast, Fraction, NotNegative, Positive
 from s2a.motion.open import opening_path
 from s2a.tasks.base import Instruction, MetricsConfig, PartMdp, Results, Task, terms
 from s2a.tasks.mdp import observations, opening, rewards
-from s2a.tasks.mdp.binding import travel_scale
-from s2a.tasks.state import LIMITS, State
+from s2a.tasks.state import LIMITS, State, travel_scale
 
 
 @dataclass(frozen=True)

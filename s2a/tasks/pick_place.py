@@ -14,8 +14,7 @@ from s2a.sim.contacts import query_mesh
 from s2a.sim.world import SimStage
 from s2a.tasks.base import Instruction, MdpConfig, MetricsConfig, Results, Task, Terms, terms
 from s2a.tasks.mdp import carrying, observations, rewards
-from s2a.tasks.mdp.binding import watch_others
-from s2a.tasks.state import ObjectPlace, State
+from s2a.tasks.state import ObjectPlace, State, watch_others
 
 
 @dataclass(frozen=True)

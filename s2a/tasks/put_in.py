@@ -16,8 +16,8 @@ from s2a.sim.contacts import query_mesh
 from s2a.sim.world import SimStage, axis_of
 from s2a.tasks.base import Instruction, Results, terms
 from s2a.tasks.mdp import carrying, observations, rewards
-from s2a.tasks.mdp.binding import watch_others
 from s2a.tasks.pick_place import PickPlace, PickPlaceConfig, PickPlaceMetrics
+from s2a.tasks.state import watch_others
 
 
 @dataclass(frozen=True)

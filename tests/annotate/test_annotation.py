@@ -10,10 +10,8 @@ import plain_room
 import pytest
 
 from s2a import scan
-from s2a.annotate import annotation, files, handle
-from s2a.annotate.annotation import Draft
-from s2a.annotate.editor import Editor
-from s2a.annotate.page import shown
+from s2a.annotate import annotation, files, handle, shown
+from s2a.annotate.annotation import Draft, Editor
 from s2a.annotate.region import GrowConfig, around, grow, grow_most
 from s2a.annotate.surface import ADDED, SplitSurface
 from s2a.scan.evidence import Bounds

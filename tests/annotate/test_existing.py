@@ -12,8 +12,7 @@ import tiny_scan
 
 from s2a import scan
 from s2a.annotate import existing, files
-from s2a.annotate.annotation import Draft
-from s2a.annotate.editor import Editor
+from s2a.annotate.annotation import Draft, Editor
 from s2a.annotate.region import GrowConfig
 from s2a.commands import cli
 from s2a.scan.ply_file import write_ply

@@ -14,10 +14,8 @@ browser = pytest.importorskip("browser", reason="selenium is not installed", exc
 pytest.importorskip("viser", reason="viser is not installed")
 
 from s2a import scan  # noqa: E402
-from s2a.annotate import files  # noqa: E402
-from s2a.annotate.annotation import Draft  # noqa: E402
-from s2a.annotate.editor import Editor  # noqa: E402
-from s2a.annotate.page import panel  # noqa: E402
+from s2a.annotate import files, panel  # noqa: E402
+from s2a.annotate.annotation import Draft, Editor  # noqa: E402
 from s2a.annotate.region import GrowConfig  # noqa: E402
 from s2a.scan.evidence import Bounds  # noqa: E402
 from s2a.scene.geometry.camera import CameraPose  # noqa: E402

@@ -13,8 +13,8 @@ import pytest
 from converted import CABINET, CUBE, FRICTION, HINGE, LID, PART, SLIDE, write_room
 from scipy.spatial.transform import Rotation
 
-from s2a.certify.convert import mjcf
-from s2a.certify.convert.links import ALL, read_links
+from s2a.certify.convert import FILES, write_mjcf
+from s2a.certify.links import ALL, read_links
 from s2a.scene.articulation import displace
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd import sim_stage
@@ -26,8 +26,8 @@ JOINTS = pytest.mark.parametrize("joint", [SLIDE, HINGE], ids=["slide", "hinge"]
 
 def convert(stage: Path, folder: Path, settings: SimConfig, parts: str | tuple[str, ...] = ALL) -> mujoco.MjModel:
     folder.mkdir()
-    mjcf.write(read_links(stage, parts, settings), settings, folder)
-    return mujoco.MjModel.from_xml_path(str(folder / mjcf.FILE))
+    write_mjcf(read_links(stage, parts, settings), settings, folder)
+    return mujoco.MjModel.from_xml_path(str(folder / FILES["mjcf"]))
 
 
 def pushed(model: mujoco.MjModel, force: float, seconds: float) -> float:
@@ -101,7 +101,7 @@ def test_a_spring_swings_the_drawer(tmp_path: Path) -> None:
 def test_what_a_robot_brings_along_collides_with_everything_and_the_drawer_not_with_its_cabinet(tmp_path: Path) -> None:
     stage = write_room(tmp_path / "room.usd")
     convert(stage, tmp_path / "out", converted.settings())
-    spec = mujoco.MjSpec.from_file(str(tmp_path / "out" / mjcf.FILE))
+    spec = mujoco.MjSpec.from_file(str(tmp_path / "out" / FILES["mjcf"]))
     grasp = sim_stage.read(stage).articulations[PART].grasp.point
     for place in (grasp, (0.28, 0.3715, 0.4), (1.0, 1.0, 0.01)):  # the handle, a side of the cabinet, the floor
         ball = spec.worldbody.add_body(pos=place)

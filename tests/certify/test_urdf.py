@@ -12,8 +12,8 @@ import pytest
 from converted import CABINET, CUBE, FRICTION, HINGE, LID, LID_HINGE, PART, SLIDE, write_room
 from scipy.spatial.transform import Rotation
 
-from s2a.certify.convert import urdf
-from s2a.certify.convert.links import ALL, read_links
+from s2a.certify.convert import FILES, PAIRS, write_urdf
+from s2a.certify.links import ALL, read_links
 from s2a.scene.articulation import displace
 from s2a.scene.scene import Joint
 from s2a.scene.usd import sim_stage
@@ -26,8 +26,8 @@ JOINTS = pytest.mark.parametrize("joint", [SLIDE, HINGE], ids=["slide", "hinge"]
 def convert(stage: Path, folder: Path, damping: float = 2.5, parts: str | tuple[str, ...] = ALL) -> newton.ModelBuilder:
     folder.mkdir()
     settings = converted.settings(damping=damping)
-    urdf.write(read_links(stage, parts, settings), settings, folder)
-    return imported(folder / urdf.FILE)
+    write_urdf(read_links(stage, parts, settings), settings, folder)
+    return imported(folder / FILES["urdf"])
 
 
 def imported(path: Path) -> newton.ModelBuilder:
@@ -115,7 +115,7 @@ def test_a_lid_on_a_drawer_moves_with_it(tmp_path: Path) -> None:
 
 def test_pairs_that_overlap_or_that_a_joint_connects_do_not_collide(tmp_path: Path) -> None:
     convert(write_room(tmp_path / "room.usd", lid=True), tmp_path / "out")
-    tags = [tag.attrib for tag in ElementTree.parse(tmp_path / "out" / urdf.PAIRS).getroot()]
+    tags = [tag.attrib for tag in ElementTree.parse(tmp_path / "out" / PAIRS).getroot()]
     assert tags == [
         {"link1": CABINET, "link2": PART, "reason": "Adjacent"},
         {"link1": CABINET, "link2": LID, "reason": "Default"},

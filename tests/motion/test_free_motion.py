@@ -8,7 +8,7 @@ import weakref
 import numpy as np
 
 from s2a import robot
-from s2a.motion.free_motion import free_motion
+from s2a.robot.tool_path import free_motion
 
 PANDA = robot.load("panda")
 FEW = 20, 40

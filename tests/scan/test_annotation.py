@@ -9,7 +9,7 @@ import pytest
 from box_room import bar, bounds, changed, door, joined, moved, room, sheet
 
 from s2a.core.check import Check
-from s2a.scan.evidence import annotation, contact
+from s2a.scan.evidence import annotation
 from s2a.scan.evidence import joint as hinge
 from s2a.scan.evidence import joint as opening
 from s2a.scan.evidence.front import front
@@ -227,7 +227,7 @@ def test_a_ring_shaped_region_has_its_grasp_point_in_the_air() -> None:
     ring = joined(*(bar(y, z, (0.53, 0.56)) for y, z in RIM))
     parts = {**scene.parts, "handle_7": replace(scene.parts["handle_7"], mesh=ring)}
     # The mean of a square rim of 0.2 m, 20 mm wide, lies 80 mm from its inner sides.
-    assert contact.grasp_gap(Scene("ring", parts), "drawer_6") == pytest.approx(0.08, abs=1e-3)
+    assert annotation.grasp_gap(Scene("ring", parts), "drawer_6") == pytest.approx(0.08, abs=1e-3)
     assert ("drawer_6", "grasp_on_region") in doubted(Scene("ring", parts))
 
 
@@ -235,7 +235,7 @@ def test_one_of_two_handles_is_grasped_and_no_point_between_them() -> None:
     scene = room()
     second = replace(scene.parts["handle_7"], mesh=bar((1.40, 1.45), (0.5, 0.52), (0.53, 0.56)))
     two = Scene("two", {**scene.parts, "handle_10": second})
-    assert contact.grasp_gap(two, "drawer_6") == contact.grasp_gap(scene, "drawer_6")
+    assert annotation.grasp_gap(two, "drawer_6") == annotation.grasp_gap(scene, "drawer_6")
     assert ("drawer_6", "grasp_on_region") not in doubted(two)
 
 
@@ -268,14 +268,14 @@ def test_a_handle_annotated_to_the_other_part_is_named_with_its_distance() -> No
 def test_a_part_in_the_air_floats_by_its_distance() -> None:
     lamp = Part("lamp", bar((1.0, 1.2), (1.5, 1.7), (2.0, 2.2)))
     scene = Scene("floating", {**room().parts, "lamp_10": lamp})
-    [found] = contact.floating(ScanSurface(scene), BOUNDS)
+    [found] = annotation.floating(ScanSurface(scene), BOUNDS)
     # Its top is at 1.7 m and the ceiling at 2.5 m; the table's edge is farther: 0.3 m beside and 0.8 m below it.
     assert found.part == "lamp_10" and found.value == pytest.approx(0.8, abs=1e-4)
 
 
 def test_shared_faces_warn_above_their_bound() -> None:
     overlaps = [Overlap(("drawer_1", "floor_2"), 200, 0.5), Overlap(("door_3", "floor_2"), 1, 0.001)]
-    assert [f.part for f in contact.shared_faces(overlaps, BOUNDS)] == ["drawer_1"]
+    assert [f.part for f in annotation.shared_faces(overlaps, BOUNDS)] == ["drawer_1"]
 
 
 def test_the_opening_cosine_needs_nothing_of_the_axis_to_know_the_outward_side() -> None:
@@ -317,4 +317,4 @@ def test_only_parts_that_share_a_vertex_with_another_touch_it() -> None:
     low = Part("part", Mesh([[-0.0, 1, 0.5], [5, 5, 5], [6, 5, 5]], [[0, 1, 2]]))
     above = Part("part", Mesh([[0, 0, 3], [1, 0, 3], [0, 1, 3]], [[0, 1, 2]]))
     parts = {"a_1": triangle(0.0), "b_2": low, "c_3": above, "d_4": Part("part", Mesh([[5, 5, 6]] * 3, [[0, 1, 2]]))}
-    assert contact.isolated(ScanSurface(Scene("corners", parts))) == ["c_3", "d_4"]
+    assert annotation.isolated(ScanSurface(Scene("corners", parts))) == ["c_3", "d_4"]

@@ -13,7 +13,7 @@ from plain_files import PLAIN_FILES
 
 from s2a.core.errors import InputError
 from s2a.scan import source
-from s2a.scan.bake import bake
+from s2a.scan.imported import bake
 from s2a.scan.source import ears
 
 FILES = FEATURES + VARIANTS + PLAIN_FILES

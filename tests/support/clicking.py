@@ -13,8 +13,7 @@ from pathlib import Path
 import browser
 import numpy as np
 
-from s2a.annotate import files, region
-from s2a.annotate.page import panel, shown
+from s2a.annotate import files, panel, region, shown
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.commands.annotate import START

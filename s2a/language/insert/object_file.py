@@ -11,7 +11,7 @@ from s2a.core.bounds import Count, Positive
 from s2a.core.errors import InputError
 from s2a.language.insert.stable_pose import AXES, grid_over, leans_forward, settled_axis
 from s2a.scan import source as mesh_files
-from s2a.scan.bake import bake
+from s2a.scan.imported import bake
 from s2a.scan.source import SourceMesh
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh, visible_distance
 from s2a.scene.geometry.simplify import decimate

@@ -10,10 +10,9 @@ import numpy as np
 import viser
 import viser.transforms
 
-from s2a.annotate.annotation import Draft, Item, of_part
-from s2a.annotate.editor import Editor
+from s2a.annotate import shown as pick
+from s2a.annotate.annotation import Draft, Editor, Item, of_part
 from s2a.annotate.handle import SHAPES
-from s2a.annotate.page import shown as pick
 from s2a.annotate.page.shown import Shown
 from s2a.core.check import Check, doubtful
 from s2a.core.errors import InputError

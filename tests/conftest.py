@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 
 import pytest
 
 from s2a.scene.scene import Scene
+
+gc.disable()  # until all modules are imported: it would go through the objects of torch and Newton again and again
+
+
+def pytest_collection_finish() -> None:
+    """Start Python's collector, without what the modules hold."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)

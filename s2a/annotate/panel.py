@@ -13,7 +13,7 @@ import viser.transforms
 from s2a.annotate import shown as pick
 from s2a.annotate.annotation import Draft, Editor, Item, of_part
 from s2a.annotate.handle import SHAPES
-from s2a.annotate.page.shown import Shown
+from s2a.annotate.shown import Shown
 from s2a.core.check import Check, doubtful
 from s2a.core.errors import InputError
 from s2a.scan.evidence import Bounds

@@ -12,6 +12,7 @@ import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
+from functools import cache, lru_cache
 from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -82,13 +83,19 @@ def compose(name: str, overrides: Sequence[str] = (), settings: type | None = No
     given, texts = opened(overrides), list[str]()
     if settings:
         given = [_spared(text, settings, texts) for text in given]
-    with initialize_config_dir(str(folder()), version_base="1.3"):
-        try:
-            composed: dict[str, Any] = _restored(plain(hydra_compose(name, given)), texts)
-        except (HydraException, OmegaConfBaseException, ValueError) as error:
-            reason = explain(error, keys(plain(hydra_compose(name), resolve=False)))
-            raise InputError(_restored(reason, texts)) from error
+    try:
+        composed: dict[str, Any] = _restored(_composed(folder(), name, tuple(given)), texts)
+    except (HydraException, OmegaConfBaseException, ValueError) as error:
+        reason = explain(error, keys(_composed(folder(), name, resolve=False)))
+        raise InputError(_restored(reason, texts)) from error
     return composed
+
+
+@lru_cache(256)
+def _composed(tree: Path, name: str, overrides: tuple[str, ...] = (), resolve: bool = True) -> dict[str, Any]:
+    """Return plain values, which are not to be changed: Hydra takes 0.1 s for them."""
+    with initialize_config_dir(str(tree), version_base="1.3"):
+        return plain(hydra_compose(name, list(overrides)), resolve)
 
 
 # An override that gives a value: key with its sign, key, value
@@ -215,12 +222,18 @@ def load(cls: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
     return loaded
 
 
+@cache
+def hints(cls: type) -> dict[str, Any]:
+    """Return the annotations of a dataclass's fields, with what is annotated beside their types."""
+    return get_type_hints(cls, include_extras=True)
+
+
 N = TypeVar("N", Chosen, Described, Named)
 
 
 def note(cls: type, key: str, kind: type[N]) -> N | None:
     """Return the annotation of a field that depends on the values; None for any other."""
-    hint = get_type_hints(cls, include_extras=True).get(key)
+    hint = hints(cls).get(key)
     return next((annotation for annotation in get_args(hint)[1:] if isinstance(annotation, kind)), None)
 
 
@@ -290,6 +303,7 @@ def option(name: str) -> str:
         ConfigStore.instance().store(
             group=group, name=stem, node=node | ({"name": str(path)} if group == "task" else {}), package=group
         )
+    _composed.cache_clear()  # of a file of this name with other values
     return stem
 
 

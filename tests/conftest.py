@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import os
 from pathlib import Path
@@ -19,10 +20,17 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
+@pytest.fixture(scope="session")
+def common(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that all workers of a run share."""
+    own = tmp_path_factory.getbasetemp()
+    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+
 @pytest.fixture(scope="session", autouse=True)
-def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
+def _own_cache(common: Path) -> None:
     """Keep the user's cache out of the tests, and the tests out of the user's cache."""
-    os.environ["S2A_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+    os.environ["S2A_CACHE"] = str(common / "cache")
 
 
 OFFICE = ("room=office", "seed=101")
@@ -30,15 +38,18 @@ OFFICE = ("room=office", "seed=101")
 
 
 @pytest.fixture(scope="session")
-def office_scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A virtual office as the demo scans it."""
+def office_scan(common: Path) -> Path:
+    """A virtual office as the demo scans it; one worker makes it for all."""
     pytest.importorskip("s2a.homes", reason="needs s2a.homes")
     from s2a.core import config
     from s2a.homes.sample import SampleConfig, sample  # not needed where only the simulation is tested
 
-    out = tmp_path_factory.mktemp("office") / "scan"
-    out.mkdir()
-    sample(config.load(SampleConfig, config.compose("sample", [*OFFICE, f"out={out}"])), out)
+    out = common / "office/scan"
+    with (common / "office.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not out.exists():
+            out.mkdir(parents=True)
+            sample(config.load(SampleConfig, config.compose("sample", [*OFFICE, f"out={out}"])), out)
     return out
 
 

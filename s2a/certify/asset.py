@@ -1,4 +1,4 @@
-"""Checks of an asset that others made, which need no scan: structure, masses, shapes, overlaps, limits, rest; in both engines."""
+"""Checks of a third-party asset, which need no scan: structure, masses, shapes, overlaps, limits, rest; in both engines."""
 
 import contextlib
 import copy
@@ -27,7 +27,7 @@ from s2a.sim.contacts import Engine, OverlapDepth, RestingRoom, mujoco_depths, n
 
 @dataclass(frozen=True)
 class AssetBounds:
-    """Bounds of the checks of an asset, with their reasons."""
+    """Bounds of the checks of an asset."""
 
     size: tuple[float, float] = (0.005, 100.0)  # diagonal [m]: from a screw to a building; beyond, a unit is wrong
     # mass by the volume of the body's hulls [kg/m^3]: from a paper lamp to solid steel
@@ -67,7 +67,7 @@ class AssetSubject:
     """An asset, and what several checks measure of it."""
 
     asset: Asset
-    overlaps: list["Meeting"] = field(default_factory=list, compare=False)  # what the checks of overlaps measured
+    overlaps: list["Meeting"] = field(default_factory=list, compare=False)  # measured by the checks of overlaps
 
     @cached_property
     def size(self) -> float:
@@ -142,7 +142,7 @@ def engines(subject: AssetSubject, bounds: AssetBounds) -> list[Check]:
         no_problems(
             f"{engine.lower()}_import",
             [(asset.path.name, asset.problems[engine])] if engine in asset.problems else [],
-            f"correct what {engine} names, or give repair=FILE",
+            f"correct what {engine} names, or give repair=FOLDER",
             f"{engine} reads the {asset.kind}",
         )
         for engine in names
@@ -185,7 +185,9 @@ def units(subject: AssetSubject, bounds: AssetBounds) -> list[Check]:
             problems.append((body.name, f"{body.name}: {sizes[0]:.3g} m are seen, {sizes[1]:.3g} m collide"))
     for name, joint in asset.joints.items():
         if joint.motion.kind == "revolute" and joint.limited and np.ptp(joint.motion.limits) > 8 * np.pi:
-            problems.append((name, f"{name} turns by {np.ptp(joint.motion.limits):.4g} rad: these are degrees"))
+            problems.append(
+                (name, f"{name} turns by {np.ptp(joint.motion.limits):.4g} rad; the limits may be in degrees")
+            )
     return [no_problems("units", problems, "state metres, radians and kilograms", f"{subject.size:.3g} m large")]
 
 
@@ -211,8 +213,8 @@ def structure(subject: AssetSubject, bounds: AssetBounds) -> list[Check]:
             problems.append((name, f"{name} has no range"))
     remedy = "swap or state the limits, add colliders"
     ghosts = no_problems(
-        "colliders", [(name, f"{name} is seen and does not collide") for name in bare],
-        "add colliders (repair=FILE makes them of what is seen)", "all that is seen and moves collides",
+        "colliders", [(name, f"{name} has visuals and no collider") for name in bare],
+        "add colliders (repair=FOLDER makes them of the visuals)", "all moving visuals have colliders",
     )  # fmt: skip
     return [no_problems("structure", problems, remedy, f"{len(asset.joints)} joints"), ghosts]
 
@@ -230,7 +232,7 @@ def faulty_masses(asset: Asset, bounds: AssetBounds = BOUNDS) -> dict[str, str]:
             1000 * solid_volume(group),
         )
         if not bounds.density[0] <= 1000 * mass / litres <= bounds.density[1]:
-            faults[name] = f"{name}: {mass:.3g} kg in {litres:.3g} litres are {1000 * mass / litres:.3g} kg/m^3"
+            faults[name] = f"{name}: {mass:.3g} kg in {litres:.3g} litres, {1000 * mass / litres:.3g} kg/m^3"
             continue
         center, inertia = _welded(group)
         margin = bounds.centre * np.linalg.norm(size)
@@ -239,11 +241,11 @@ def faulty_masses(asset: Asset, bounds: AssetBounds = BOUNDS) -> dict[str, str]:
             continue
         moments = np.linalg.eigvalsh(inertia)
         if unsound := [body.name for body in group if body.name in asset.unsound]:
-            faults[name] = f"{unsound[0]}: no body has its moments of inertia"
+            faults[name] = f"{unsound[0]}: its moments of inertia are impossible"
             continue
         solid = mass * (np.sort(size)[1:] ** 2).sum() / 12.0
         if not bounds.inertia[0] <= moments[2] / solid <= bounds.inertia[1]:
-            faults[name] = f"{name}: {moments[2]:.3g} kg m^2 are {moments[2] / solid:.3g} of a solid box's"
+            faults[name] = f"{name}: {moments[2]:.3g} kg m^2, {moments[2] / solid:.3g} times that of a solid box"
     return faults
 
 
@@ -303,11 +305,11 @@ def filled_air(subject: AssetSubject, bounds: AssetBounds) -> Check:
     fractions = {name: air_fraction(body, bounds) for name, body in subject.asset.bodies.items()}
     worst = max(fractions, key=lambda name: fractions[name], default="")
     some = [name for name, fraction in fractions.items() if fraction > bounds.air]
-    message = "of the colliders' surface stands in the air off what is seen"
+    message = "of the colliders' surface is in the air, away from the visuals"
     return at_most(
         "filled_air", fractions.get(worst, 0.0), bounds.air, "", prim=worst,
         message=f"{message}: {', '.join(some[:6])}" if some else message,
-        remedy="decompose the shape into more hulls (repair=FILE does)",
+        remedy="decompose the shape into more hulls (repair=FOLDER does)",
     )  # fmt: skip
 
 
@@ -326,7 +328,7 @@ def cover(subject: AssetSubject, bounds: AssetBounds) -> Check:
             inner |= contains(piece, points, tolerance)
         fractions[name] = 1.0 - float(inner.mean())
     worst = max(fractions, key=lambda name: fractions[name], default="")
-    message = "of what is seen has no collider near" + (f": {worst}" if worst else "")
+    message = "of the visuals' surface has no collider near" + (f": {worst}" if worst else "")
     # few colliders are a choice, as of a robot's feet alone
     return at_most("cover", fractions.get(worst, 0.0), 0.5, "", otherwise="warn", prim=worst, message=message,
                    remedy="add colliders")  # fmt: skip
@@ -373,7 +375,7 @@ def overlaps(subject: AssetSubject, bounds: AssetBounds) -> list[Check]:
         count = sum(depth > bound for depth in depths.values())
         at = "" if key == "rest" else f" at {worst.depth.q:.3g} of {worst.joint}"
         message = f"{worst.one} in {worst.other}{at}, by {worst.engine} without filters; {count} pairs{hidden}"
-        depth, remedy = getattr(worst.depth, key), "trim the colliders apart (repair=FILE does)"
+        depth, remedy = getattr(worst.depth, key), "trim the colliders apart (repair=FOLDER does)"
         checks.append(at_most(name, depth, bound, "m", prim=worst.one, message=message, remedy=remedy))
     return checks
 
@@ -439,7 +441,7 @@ def limits(subject: AssetSubject, bounds: AssetBounds) -> Check:
             count += beyond > 1.0
             if beyond > worst:
                 worst, where = beyond, f"{joint.name} in {engine}"
-    message = f"of what a stop may give way under {LOAD:g} N, or its weight, at the farthest point"
+    message = f"of the deflection that a stop may have under {LOAD:g} N, or the weight, at the farthest point"
     message += f": {where}; {count} too far" if where else ""
     return at_most(
         "limits", worst, 1.0, "", prim=where.split(" ")[0], message=message,
@@ -455,10 +457,10 @@ def slam(subject: AssetSubject, bounds: AssetBounds) -> Check:
         if not joint.driven and joint.limited and joint.motion.kind == "revolute":
             speed = slam_speed(subject.asset, model, joint, index)
             worst, where = max((worst, where), (speed, f"{joint.name} in {engine}"))
-    message = "of the edge of what falls shut or open" + (f": {where}" if worst else "; no hinge falls")
+    message = "of the edge of a part that falls shut or open" + (f": {where}" if worst else "; no hinge falls")
     return at_most(
         "slam", worst, bounds.slam, "m/s", prim=where.split(" ")[0], message=message,
-        remedy="give the hinge damping (repair=FILE does)",
+        remedy="give the hinge damping (repair=FOLDER does)",
     )  # fmt: skip
 
 
@@ -499,7 +501,7 @@ def drop(subject: AssetSubject, bounds: AssetBounds) -> list[Check]:
                 sunk,
                 bounds.sink,
                 "m",
-                message=f"deep in the ground after a fall of {DROP:g} m, {names[0]}",
+                message=f"into the ground after a drop of {DROP:g} m, {names[0]}",
                 remedy="add colliders where it stands, correct its masses",
             )  # fmt: skip
         )
@@ -511,7 +513,7 @@ def drop(subject: AssetSubject, bounds: AssetBounds) -> list[Check]:
             "m/s",
             prim=names[1].split(" ")[0],
             message=f"of the fastest body after {SETTLE:g} s: {names[1] or 'nothing moves'}",
-            remedy="give its joints damping, correct overlaps and masses (repair=FILE does)",
+            remedy="give its joints damping, correct overlaps and masses (repair=FOLDER does)",
         )  # fmt: skip
     )
     return checks

@@ -1,4 +1,4 @@
-"""Repair of an asset that others made: what is safe to change so that it passes, written beside it; what is seen stays.
+"""Repair of a third-party asset: safe changes with which it passes, written to a copy; its visuals stay.
 
 Colliders, masses, damping and limits change; surfaces, frames and axes do not. The written file names the meshes of the
 original, which stays as it is.
@@ -85,7 +85,7 @@ def plan(subject: AssetSubject, report: ValidationReport, trim: Trim, split: Spl
     if asset.kind == "URDF" and "newton_import" in names:  # Newton takes no limits for a range of 0
         hinges = [joint for joint in xml(asset.path).findall("joint") if joint.get("type") == "revolute"]
         edits.endless = {str(joint.get("name")) for joint in hinges if joint.find("limit") is None}
-        edits.notes += [f"{name}: continuous, for it has no limits" for name in sorted(edits.endless)]
+        edits.notes += [f"{name}: made continuous: it has no limits" for name in sorted(edits.endless)]
     if asset.kind == "USD" and None in asset.units:
         edits.notes.append(f"metersPerUnit={asset.units[0] or 1:g} and upAxis stated, as Newton reads it")
     if "limits" in names and asset.kind != "URDF":
@@ -97,7 +97,7 @@ def plan(subject: AssetSubject, report: ValidationReport, trim: Trim, split: Spl
 
 
 def _correct_masses(asset: Asset, edits: Edits) -> None:
-    """Give groups of bodies whose mass or inertia cannot be those of solid boxes."""
+    """Give groups of bodies with an impossible mass or inertia those of solid boxes."""
     faults = checks.faulty_masses(asset)
     for name, group in asset.moving.items():
         boxes = {body.name: box for body in group if (box := checks.bounding_box([body])) is not None}
@@ -106,7 +106,7 @@ def _correct_masses(asset: Asset, edits: Edits) -> None:
         if not boxes:
             if group[0].mass < SMALL[0] / 10 or np.linalg.eigvalsh(group[0].inertia)[0] < SMALL[1] / 1e3:
                 edits.masses[name] = (SMALL[0], np.zeros(3), SMALL[1] * np.eye(3))
-                edits.notes.append(f"{name}: {SMALL[0]:g} kg, for it has no surface")
+                edits.notes.append(f"{name}: {SMALL[0]:g} kg: it has no surface")
             continue
         if name not in faults:
             continue
@@ -142,7 +142,7 @@ def _decompose(asset: Asset, edits: Edits) -> None:
                 break
         if best[1] and (ghost or best[0] < checks.air_fraction(body)):
             edits.colliders[name] = best[1]
-            edits.notes.append(f"{name}: {len(best[1])} hulls of what is seen")
+            edits.notes.append(f"{name}: {len(best[1])} hulls of its visuals")
 
 
 def _edited(asset: Asset, edits: Edits) -> Asset:
@@ -159,7 +159,7 @@ def _edited(asset: Asset, edits: Edits) -> Asset:
 
 
 def _part(asset: Asset, subject: AssetSubject, edits: Edits, trim: Trim, split: Split) -> None:
-    """Trim colliders that overlap apart; where that is no trim, cut the joint's range to what is free."""
+    """Trim overlapping colliders apart; where that would take too much, cut the joint's range to its free part."""
     now = _edited(asset, edits)
     meetings = list(checks.meetings(now)) if edits.colliders else subject.overlaps
     if all(m.depth.rest <= BOUNDS.rest and m.depth.travel <= BOUNDS.range for m in meetings):
@@ -263,7 +263,7 @@ def write(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
         InputError: an MJCF that MuJoCo cannot read, a package of USD, or a USD in other units than metres.
     """
     if asset.path.suffix.lower() == ".usdz":
-        raise InputError(f"{asset.path}: a .usdz is read alone; unpack it, and give the .usd or .usda in it")
+        raise InputError(f"{asset.path}: a .usdz cannot be written; unpack it, and give the .usd or .usda in it")
     if asset.units[0] not in (None, 1.0):  # all masses and sizes would be of another size
         raise InputError(
             f"{asset.path}: states metersPerUnit={asset.units[0]:g}; convert it to metres before its repair"
@@ -377,7 +377,7 @@ def _write_mjcf(asset: Asset, edits: Edits, folder: Path, home: Path) -> None:
     except ValueError as error:
         reason = " ".join(str(error).split())[:200]
         raise InputError(
-            f"{asset.path}: its repair does not compile ({reason}); remove what names its colliders"
+            f"{asset.path}: its repair does not compile ({reason}); remove elements that refer to its colliders"
         ) from error
     root = ElementTree.fromstring(spec.to_xml())
     for tag in root.iter():

@@ -1,4 +1,4 @@
-"""The policy that looks at every step: estimates of the part from frame to frame, for a policy of states."""
+"""The policy with depth cameras: estimates of the part from frame to frame, for a policy of states."""
 
 from __future__ import annotations
 
@@ -296,7 +296,7 @@ def file_of(path: Path) -> Path:
 def state_world() -> tuple[SimConfig, MdpConfig]:
     """Return the world of the bundled policy of states, without the errors of the grasp that it was trained with."""
     world = PolicyFile(Path(policy_file.PRETRAINED)).world
-    assert world is not None, "the bundled policy says where it was trained"
+    assert world is not None, "the bundled policy holds the settings of its training"
     return world[0], replace(world[1], grasp_error=(0.0, 0.0), grasp_turn=(0.0, 0.0))  # type: ignore[call-arg]
 
 

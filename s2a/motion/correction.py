@@ -14,7 +14,7 @@ from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import matrices, matrix, turns
 from s2a.scene.articulation import lever_arm, pose_at, transform
 from s2a.sim.simulation import Simulation
-from s2a.sim.world import SimStage, axis_of
+from s2a.sim.world import SimStage
 
 STEPS = 8  # Control steps between poses for which inverse kinematics are solved
 ITERATIONS, DAMPING = 12, 1e-3  # Of the inverse kinematics: starts are within the distances below of their targets
@@ -191,7 +191,7 @@ class TrackedPart:
         articulation = sim.stage.room.articulations[part]
         self._sim, self.joint, self.base = sim, articulation.joint, matrix(sim.stage.base)
         self._lever = lever_arm(self.joint, np.array(articulation.grasp.point))
-        self._coord, _ = axis_of(sim.world, part, self.joint.kind)
+        self._coord, _ = sim.axis_of(part)
 
     def coordinates(self, worlds: torch.Tensor) -> np.ndarray:
         """Return its coordinates in some worlds [world], bool; shape [some]."""

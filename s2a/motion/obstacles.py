@@ -12,7 +12,8 @@ import trimesh
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from s2a.robot.collision import Penetration
+from s2a.robot.collision import Penetration, base_solids
+from s2a.robot.spec import DriveSpec
 from s2a.scene.articulation import pose_at
 from s2a.scene.geometry.convex import contains
 from s2a.scene.geometry.mesh_query import Forest, first_hits, nearest_faces, nearest_meshes, ray_mesh
@@ -32,6 +33,7 @@ CELL, SAG, TOUCH = 0.01, 0.02, 0.002
 # falls over
 LEAN, STEADY = 0.1, 0.15
 
+BASE = "its base"  # Name of the robot's own base among obstacles
 Named = tuple[str, Mesh]  # Id of the part that a mesh belongs to, and the mesh in the scene frame
 
 
@@ -94,6 +96,14 @@ class Obstacles:
         more = copy.copy(self)
         more._column = (top, radius) if height > 0.0 else None
         return more
+
+    def with_base(self, drive: DriveSpec, pose: np.ndarray, height: float) -> Obstacles:
+        """Return the same with a base that drives, its arm's root link at a pose [4 4], so high above the floor [m]."""
+        box, column = base_solids(drive)
+        back = [*drive.mount[:2], height]
+        own = [(BASE, np.asarray(box.vertices) - back, box.faces), (BASE, np.asarray(column.vertices), column.faces)]
+        named = [(name, Mesh(points @ pose[:3, :3].T + pose[:3, 3], np.asarray(faces))) for name, points, faces in own]
+        return Obstacles([*zip(self.names, self.meshes, strict=True), *named], solid=self.is_solid)
 
     def hulls_of(self, part: str) -> list[Mesh]:
         """Return the meshes that belong to a part."""

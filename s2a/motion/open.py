@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from s2a import robot as robots
 from s2a.core.errors import InputError
 from s2a.motion import trajectory as pull_law
 from s2a.motion.obstacles import Obstacles, moved_room
 from s2a.motion.search import Search
-from s2a.motion.segments import Along, Grip, Reach, Release, Segment, Straight, Timeline
+from s2a.motion.segments import SETTLE, Along, Grip, Reach, Release, Segment, Straight, Timeline
 from s2a.motion.trajectory import Demonstration, PlannerConfig, Progress, Trajectory, eased, timed
 from s2a.motion.workcell import MovingPart, Workcell, lines, noisy_starts
 from s2a.robot.collision import SLACK
@@ -136,9 +137,9 @@ def plan(sim: Simulation, settings: PlannerConfig, tool_path: Skill) -> Trajecto
 
 
 def _trajectory(
-    sim: Simulation, path: ToolPath, arm: np.ndarray, settings: PlannerConfig, last: int, **timing: float
+    sim: Simulation, path: ToolPath, arm: np.ndarray, settings: PlannerConfig, last: int, settle: float = SETTLE
 ) -> Trajectory:
-    """Return the segments in time; `timing` goes to Timeline."""
+    """Return the segments in time; `settle`: that the arm stands after it has moved [s]."""
     opened = 0.0 if path.pushes or sim.stage.internal else None
     detour = reach_around(sim.stage, sim.robot, arm[0], float(path.q[0]), settings, opened)
     line = Timeline(
@@ -149,7 +150,7 @@ def _trajectory(
         settings.close_time,
         closed=opened is not None,
         part=float(path.q[0]),
-        **timing,
+        settle=settle,
     ).add(segments(sim, path, arm, settings, detour, last))
     trajectory = line.trajectory(settings.start_noise, settings.reach_time)
     return replace(trajectory, closed=line.span("approach")[1] + 1) if path.pushes else trajectory
@@ -342,13 +343,25 @@ def moving_part(stage: SimStage) -> MovingPart:
 def beside_part(stage: SimStage, without: Sequence[str] = (), about: np.ndarray | None = None) -> Obstacles:
     """Return the hulls about a point [3], the handle by default, but for the part's, those of what hangs on it, and of others."""
     riders = {i for i in stage.room.articulations if stage.target in stage.room.carriers(i)}
-    return Obstacles.of_room(stage.room, {stage.target, *riders, *without}, stage.grasp[:3] if about is None else about)
+    beside = Obstacles.of_room(
+        stage.room, {stage.target, *riders, *without}, stage.grasp[:3] if about is None else about
+    )
+    drives = about is None and robots.load(stage.robot).drive is not None
+    return _with_base(beside, stage) if drives else beside
 
 
 def room_around(stage: SimStage, q: float) -> Obstacles:
     """Return the hulls around a stage's part, which stands at a coordinate, and the robot's pedestal."""
     room = moved_room(stage.room, stage.target, q, {})
-    return Obstacles.of_room(room, (), stage.grasp[:3]).with_column(stage.base[:3], *stage.pedestal)
+    return _with_base(Obstacles.of_room(room, (), stage.grasp[:3]), stage)
+
+
+def _with_base(obstacles: Obstacles, stage: SimStage) -> Obstacles:
+    """Return obstacles and what the robot stands on: its own base where that drives, else its pedestal."""
+    drive = robots.load(stage.robot).drive
+    if drive is None:
+        return obstacles.with_column(stage.base[:3], *stage.pedestal)
+    return obstacles.with_base(drive, matrix(stage.base), stage.pedestal[0])
 
 
 def reach_around(

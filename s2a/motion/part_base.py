@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a.motion.floor import FreeFloor
 from s2a.motion.gripper import gripper_boxes, gripper_spheres
 from s2a.motion.obstacles import Obstacles, moved_room
 from s2a.motion.open import beside_part, moving_part
@@ -135,6 +136,7 @@ def ready_to_move(
     seed: int = 0,
     *,
     may_push: bool = False,
+    floor: FreeFloor | None = None,
 ) -> SimStage:
     """Return a stage with the robot where it can do a task with its part; see `with_base`.
 
@@ -145,25 +147,28 @@ def ready_to_move(
         noise: how far from home an episode may start [rad].
         seed: of the searches.
         may_push: the part may be pushed where its handle cannot be held on all of the path.
+        floor: on which the robot drives there; None: its base is put there.
 
     Raises:
         Unreachable: no base does, with the base and the segment that come nearest to it.
     """
     try:
-        return with_base(stage, path_of(stage), spec, noise, seed)
+        return with_base(stage, path_of(stage), spec, noise, seed, floor)
     except Unreachable as error:
         if not may_push:
             raise
         pushed_stages = clear_pushes(stage, path_of, spec, beside_part(stage), moving_part(stage))
         for pushed in itertools.islice(pushed_stages, PUSHES):
             try:
-                return with_base(pushed, path_of(pushed), spec, noise, seed)
+                return with_base(pushed, path_of(pushed), spec, noise, seed, floor)
             except Unreachable:
                 continue
         raise Unreachable(f"{error}; nor can it be pushed") from error
 
 
-def with_base(stage: SimStage, path: ToolPath, spec: RobotSpec, noise: float, seed: int = 0) -> SimStage:
+def with_base(
+    stage: SimStage, path: ToolPath, spec: RobotSpec, noise: float, seed: int = 0, floor: FreeFloor | None = None
+) -> SimStage:
     """Return a stage with the robot where it can follow a tool path with the part, and reach its beginning from home.
 
     The prepared base is taken if it serves. Bases from which the straight line to the beginning is free come first.
@@ -174,13 +179,15 @@ def with_base(stage: SimStage, path: ToolPath, spec: RobotSpec, noise: float, se
         spec: the robot.
         noise: how far from home an episode may start [rad].
         seed: of the searches.
+        floor: on which the robot drives there; None: its base is put there.
 
     Raises:
         Unreachable: no base does, with the base and the segment that come nearest to it.
     """
     about, part = (path.poses[0, :3, 3] + path.poses[-1, :3, 3]) / 2, moving_part(stage)
-    beside = Workcell(spec, beside_part(stage, about=about))
-    cell = Workcell(spec, Obstacles.of_room(moved_room(stage.room, stage.target, float(path.q[0]), {}), (), about))
+    beside = Workcell(spec, beside_part(stage, about=about), floor)
+    now = moved_room(stage.room, stage.target, float(path.q[0]), {})
+    cell = Workcell(spec, Obstacles.of_room(now, (), about), floor)
     search, starts = Search(spec, cell.kin, seed), noisy_starts(spec, noise, seed)
     opened = 0.0 if path.pushes or stage.internal else None
 
@@ -191,8 +198,8 @@ def with_base(stage: SimStage, path: ToolPath, spec: RobotSpec, noise: float, se
     prepared = Stand(matrix(stage.base), stage.pedestal[0])
     every = around(cell, path.poses[0], path.poses[-1], PEDESTALS)
     bent: list[tuple[Stand, np.ndarray]] = []
-    for some in itertools.chain([[prepared]], chunks(every, AT_ONCE)):
-        some = [stand for stand in some if _is_beside(stand, part, path, spec, search)]
+    for some in itertools.chain([] if floor else [[prepared]], chunks(every, AT_ONCE)):
+        some = [stand for stand in some if _is_beside(stand, part, path, spec, search, floor)]
         for k, joints in search.followed(some, handle):
             depth = cell.empty(some[k].base, opened)
             if cell.all_free(depth, starts) and cell.all_free(depth, lines(starts, joints[0])):
@@ -207,12 +214,18 @@ def with_base(stage: SimStage, path: ToolPath, spec: RobotSpec, noise: float, se
     raise search.unreachable(f"{stage.target!r} cannot be moved so far")
 
 
-def _is_beside(stand: Stand, part: MovingPart, path: ToolPath, spec: RobotSpec, search: Search) -> bool:
+def _is_beside(
+    stand: Stand, part: MovingPart, path: ToolPath, spec: RobotSpec, search: Search, floor: FreeFloor | None
+) -> bool:
     """Return whether a base, what it stands on and the shoulder are beside the part's way."""
     column = np.arange(0.05 - stand.pedestal, spec.base.shoulder_height, spec.base.radius)
     points = stand.base[:3, 3] + column[:, None] * [0.0, 0.0, 1.0]
+    radii = np.full(len(points), spec.base.radius)
+    if floor is not None:
+        centers, wide = floor.body(stand.base)
+        points, radii = np.concatenate([points, centers]), np.concatenate([radii, wide])
     stops = np.linspace(path.q[0], path.q[-1], STOPS)
-    depth = part.depth(np.tile(points, (STOPS, 1, 1)), np.full(len(points), spec.base.radius), stops).max()
+    depth = part.depth(np.tile(points, (STOPS, 1, 1)), radii, stops).max()
     if depth > 0.0:
         search.misses.note(Miss(0, float(depth), "base: the part would move into the robot", stand))
     return bool(depth <= 0.0)

@@ -9,13 +9,15 @@ import numpy as np
 
 from s2a import robot as robots
 from s2a.core.errors import InputError
+from s2a.motion.far import is_far, plan_far
+from s2a.motion.floor import FreeFloor
 from s2a.motion.grasps import GraspCache, Ungraspable
 from s2a.motion.gripper import FIRM, SLOPING, Contact
 from s2a.motion.obstacles import surface_points
 from s2a.motion.pick_plan import LIFT, PickPlan, PickTask, plan_pick
-from s2a.motion.places import first_planned, free_object, place_poses, scanned
+from s2a.motion.places import first_planned, free_object, near_support, place_poses, scanned
 from s2a.motion.search import Unreachable
-from s2a.motion.segments import SETTLE, Carry, Grip, Reach, Release, Segment, Straight, Timeline, Wait
+from s2a.motion.segments import SETTLE, Carry, Drive, Grip, Reach, Release, Segment, Straight, Timeline, Wait
 from s2a.motion.trajectory import Anchor, PlannerConfig, Retry, Trajectory
 from s2a.robot.spec import JointLimits, RobotSpec
 from s2a.robot.tool_path import matrix
@@ -61,14 +63,23 @@ class PickStage(SimStage):
 
 
 def read_stage(
-    path: Path, part: str | None, robot: str | None, also: Sequence[str], config: EndsConfig, motion: PlannerConfig
+    path: Path,
+    part: str | None,
+    robot: str | None,
+    also: Sequence[str],
+    config: EndsConfig,
+    motion: PlannerConfig,
+    room: SimRoom | None = None,
+    floor: FreeFloor | None = None,
 ) -> PickStage:
     """Read a room and plan for an object of it, which decides where the robot stands.
+
+    `room` and `floor` are as those of `Task.read_stage`.
 
     Raises:
         InputError: no such object, start or place; the robot cannot do it, with the segment that fails.
     """
-    room = sim_stage.read(path, visuals=False)
+    room = room or sim_stage.read(path, visuals=False)
     target, spec = free_object(room, part), robots.load(robot or DEFAULT_ROBOT)
     grasps = GraspCache(room.free[target], spec.gripper)
 
@@ -84,8 +95,15 @@ def read_stage(
             if held == contact and any(np.array_equal(pose, at) for pose in poses):
                 raise error
         try:
-            task = PickTask(room, target, *ends, motion.approach, motion.start_noise)
-            return plan_pick(task, spec, contacts=(contact,), grasps=grasps)
+            task = PickTask(room, target, *ends, motion.approach, motion.start_noise, floor)
+            if floor is not None and is_far(task, spec):
+                return plan_far(task, spec, contact, grasps)
+            try:
+                return plan_pick(task, spec, contacts=(contact,), grasps=grasps)
+            except Unreachable:
+                if floor is None:
+                    raise
+                return plan_far(task, spec, contact, grasps)
         except Unreachable as error:
             failures.append(error)
             if error.crowded is not None:
@@ -93,7 +111,7 @@ def read_stage(
             raise
 
     try:
-        (start, goal), plan = firmest(room, target, spec, kept(_ends(room, target, config)), plan_with)
+        (start, goal), plan = firmest(room, target, spec, kept(_ends(room, target, config, floor)), plan_with)
     except Unreachable as error:  # of the first ends, for which there may have been work and time enough
         if not grasps.ended or isinstance(error, Ungraspable) or grasps.ended in str(error):
             raise
@@ -163,7 +181,7 @@ def kept(items: Iterator[Ends]) -> Callable[[], Iterator[Ends]]:
     return every
 
 
-def _ends(room: SimRoom, target: str, config: EndsConfig) -> Iterator[Ends]:
+def _ends(room: SimRoom, target: str, config: EndsConfig, floor: FreeFloor | None) -> Iterator[Ends]:
     """Yield where the object may start and where it is to be placed, 7-vectors."""
     if config.start == config.place:
         raise InputError(
@@ -172,7 +190,8 @@ def _ends(room: SimRoom, target: str, config: EndsConfig) -> Iterator[Ends]:
     here = scanned(room, target)
     if config.start is None or config.start.endswith(".json"):
         (start,) = place_poses(room, target, config.start, here)
-        for goal in place_poses(room, target, config.place, start):
+        about = start if floor is None else near_support(room, config.place, start)
+        for goal in place_poses(room, target, config.place, about):
             yield start, goal
         return
     goal = next(place_poses(room, target, config.place, here))
@@ -183,6 +202,9 @@ def _ends(room: SimRoom, target: str, config: EndsConfig) -> Iterator[Ends]:
 def segments(plan: PickPlan, settings: PlannerConfig) -> list[Segment]:
     """Return the segments of a plan."""
     straight = settings.approach_time * LIFT / settings.approach
+    driven: list[Segment] = []
+    if plan.driven is not None:
+        driven = [Drive(plan.driven.route), Carry(plan.driven.carry, settings.reach_time)]
     return [
         Release(plan.opened),
         Reach(plan.reach, settings.reach_time, "reach"),
@@ -190,6 +212,7 @@ def segments(plan: PickPlan, settings: PlannerConfig) -> list[Segment]:
         Grip(0.0),
         Straight(plan.lift, straight),
         Carry(plan.carry, settings.reach_time, "carry"),
+        *driven,
         Wait(ALIGN, "align"),
         Wait(SETTLE),
         Straight(plan.lower, 2.0 * straight),
@@ -220,7 +243,8 @@ def trajectory_of(
 ) -> Trajectory:
     """Return the joint targets that do a plan with a robot that keeps limits, at a control frequency [Hz]."""
     timing = (spec, limits, frequency, settings.close_time)
-    line = Timeline(plan.reach[0], *timing).add(segments(plan, settings))
+    base = plan.driven.route[0] if plan.driven else None
+    line = Timeline(plan.reach[0], *timing, base=base).add(segments(plan, settings))
     retry = come_back(plan, settings, *timing)
     return line.trajectory(settings.start_noise, settings.reach_time, anchors(line, plan), retry)
 

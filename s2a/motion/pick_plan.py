@@ -3,10 +3,11 @@
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from s2a.motion.floor import FreeFloor
 from s2a.motion.grasps import SAMPLES, GraspCache, ObjectGrasps, failure
 from s2a.motion.gripper import FIRM, Contact, gripper_depth, is_near
 from s2a.motion.obstacles import Obstacles, surface_points
@@ -47,6 +48,17 @@ class PickTask:
     goal: np.ndarray  # where it is placed, likewise
     approach: float  # straight path to the grasp, and back after the release [m]
     noise: float = 0.0  # by which joints may be off home as the robot starts [rad]
+    floor: FreeFloor | None = None  # on which the robot drives to its base; None: that is put there
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What a robot does between the pick and the place that it drives to."""
+
+    base: np.ndarray  # pose of its base there, 7-vector, scene frame
+    pedestal: float  # height of the arm's root link there [m]
+    route: np.ndarray  # coordinates of the base (x, y, yaw, lift) from here to there, shape [pose 4]
+    carry: np.ndarray  # joints from how the object is carried to above the place, shape [pose arm]
 
 
 @dataclass(frozen=True)
@@ -58,13 +70,14 @@ class PickPlan:
     reach: np.ndarray  # joints from home to the point of approach, shape [pose arm]
     approach: np.ndarray  # from there to the grasp
     lift: np.ndarray  # from the grasp to above it
-    carry: np.ndarray  # from there to above the place
+    carry: np.ndarray  # from there to above the place; where the robot drives, to how the object is carried
     lower: np.ndarray  # from there to the place
     retreat: np.ndarray  # from there with open fingers, back from the object
     # from above the grasp back to the point of approach, for an object that was not lifted; None: that is not free
     again: np.ndarray | None
     grasp: np.ndarray  # tool frame in the object's body frame when the fingers close, shape [4 4]
     opened: float  # distance of the pads before and after [m]
+    driven: Driven | None = None  # between `carry` and `lower`; None: one base serves both ends
 
     def swept(self, spec: RobotSpec, surface: np.ndarray) -> np.ndarray:
         """Return points [point 3] that the arm, from home on, and the object's surface [point 3] in its hand pass."""
@@ -124,74 +137,97 @@ def plan_pick(
 
 
 class PickPlanner:
-    """Base, grasp and paths for an object, cheapest tests first."""
+    """Base, grasp and paths for an object, cheapest tests first.
+
+    Attributes:
+        start: pose of the object where it is picked [4 4].
+        goal: that where it is placed.
+        cell: the robot in the room around both.
+        points: on the object's surface, in its own frame [point 3].
+        search: the bases and paths that were tried.
+    """
 
     def __init__(self, task: PickTask, spec: RobotSpec, grasps: GraspCache, seed: int) -> None:
         """Take what is done, by which robot, and the object's grasps."""
         self._spec, self._grasps, self._seed, self._target = spec, grasps, seed, task.target
         self._starts = noisy_starts(spec, task.noise, seed) if task.noise else np.array([spec.home])
-        self._start, self._goal, self._approach = matrix(task.start), matrix(task.goal), task.approach
-        self._cell = Workcell(spec, Obstacles.of_room(task.room, {task.target}, (task.start[:3] + task.goal[:3]) / 2))
-        self._points = surface_points([c.mesh for c in task.room.free[task.target].colliders])
-        self._search = Search(spec, self._cell.kin, seed)
+        self.start, self.goal, self._approach = matrix(task.start), matrix(task.goal), task.approach
+        near = Obstacles.of_room(task.room, {task.target}, (task.start[:3] + task.goal[:3]) / 2)
+        self.cell = Workcell(spec, near, task.floor)
+        self.points = surface_points([c.mesh for c in task.room.free[task.target].colliders])
+        self.search = Search(spec, self.cell.kin, seed)
         self._solved, self._counted = 0, 0
 
     def _spend(self) -> bool:
         """Count the work since the last call; return whether that, or the time, for plans with the object is used up."""
-        work = self._cell.obstacles.lookups + SOLVING * self._solved
+        work = self.cell.obstacles.lookups + SOLVING * self._solved
         late = self._grasps.spend(work - self._counted)
         self._counted = work
         return late
 
     def plan(self, fits: Fits | None, contacts: Sequence[Contact]) -> PickPlan:
         """Return the first plan; Unreachable: there is none."""
-        up, tried = self._start[2, :3], []
+        up, tried = self.start[2, :3], []
         for contact in contacts:
             for samples in SAMPLES:
                 every = self._grasps(samples, contact, up)
-                clear = self._diverse(every)
+                clear = self.diverse(every)
                 tried.append((every, bool(clear)))
                 if clear and (plan := self._with(every[clear], fits)) is not None:
                     return plan
                 if len(clear) >= ENOUGH or self._spend():
                     break
         nearest = 0.0 if any(is_clear for _, is_clear in tried) else self._least([every for every, _ in tried])
-        size = float(np.ptp(self._points, axis=0).min())
-        error = failure(self._target, nearest, size, self._search.misses, self._spec, self._grasps.ended)
+        size = float(np.ptp(self.points, axis=0).min())
+        error = failure(self._target, nearest, size, self.search.misses, self._spec, self._grasps.ended)
         error.graspable = any(len(every.tool) > 0 for every, _ in tried)
         if 0.0 < nearest < math.inf and not self._spend():
-            ends = (self._start, self._goal)
+            ends = (self.start, self.goal)
             error.crowded = next((at for at in ends if not any(self._is_clear(each, at) for each, _ in tried)), None)
             self._spend()
         raise error
 
     def _with(self, grasps: ObjectGrasps, fits: Fits | None) -> PickPlan | None:
-        pairs = chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE)
+        places = {"grasp": self.start, "place": self.goal}
+        pairs = chunks(itertools.islice(self.pairs(grasps.tool, places, fits=fits), PAIRS), AT_ONCE)
         in_time = itertools.takewhile(lambda _: not self._spend(), pairs)
         ordered = shorter_first(self._paths(some, grasps) for some in in_time)
         return next(filter(None, map(self._joined, ordered)), None)
 
-    def _pairs(self, grasps: np.ndarray, fits: Fits | None) -> Iterator[tuple[Stand, int]]:
-        """Yield bases and indices of grasps that reach, those where the arm was found to be clear first."""
-        places = {"grasp": self._start, "place": self._goal}
+    def pairs(
+        self,
+        grasps: np.ndarray,
+        places: dict[str, np.ndarray],
+        floor: FreeFloor | None = None,
+        fits: Fits | None = None,
+    ) -> Iterator[tuple[Stand, int]]:
+        """Yield bases and indices of grasps [grasp 4 4] that reach, those where the arm was found to be clear first.
+
+        Args:
+            grasps: tool poses in the object's frame.
+            places: poses of the object [4 4] by what is done there.
+            floor: on which the robot drives to the bases; None: that of the task.
+            fits: which bases will do; None: all.
+        """
         later: list[tuple[Stand, int]] = []
-        for some in chunks(self._bases(), BASES):
+        for some in chunks(self._bases(floor), BASES):
             if self._spend():
                 return
             stands = some if fits is None else fits(some)
             self._solved += len(stands) * len(grasps)
-            for stand, k, clear in reached(self._cell, places, stands, grasps, self._seed, self._search.misses):
+            for stand, k, clear in reached(self.cell, places, stands, grasps, self._seed, self.search.misses):
                 if clear:
                     yield stand, k
                 else:
                     later.append((stand, k))
         yield from later
 
-    def _bases(self) -> Iterator[Stand]:
+    def _bases(self, floor: FreeFloor | None) -> Iterator[Stand]:
         """Yield bases; those from which the arm, as it starts off home, may meet something, come last."""
         tight: list[Stand] = []
-        for stand in around(self._cell, self._start, self._goal):
-            if self._cell.arm_depth(self._starts, stand.base).max() <= SLACK:
+        cell = self.cell if floor is None else replace(self.cell, floor=floor)
+        for stand in around(cell, self.start, self.goal):
+            if self.cell.arm_depth(self._starts, stand.base).max() <= SLACK:
                 yield stand
             else:
                 tight.append(stand)
@@ -203,15 +239,15 @@ class PickPlanner:
         for grasps in tried:
             count = len(grasps.tool)
             for block in chunks(iter(range(0, count, math.ceil(max(count, 1) / LEAST))), BLOCK):
-                least = min(least, float(self._depth(grasps[block], least).min()))
+                least = min(least, float(self.depth(grasps[block], least).min()))
                 if self._spend():
                     return least
         return least
 
-    def _depth(self, grasps: ObjectGrasps, limit: float = 0.0) -> np.ndarray:
+    def depth(self, grasps: ObjectGrasps, limit: float = 0.0) -> np.ndarray:
         """Return how deep the gripper reaches into what is around start and place, shape [grasp]; see `gripper_depth`."""
-        near, gripper, lengths = self._cell.obstacles, self._spec.gripper, (self._approach, LIFT)
-        ends = (self._start, self._goal)
+        near, gripper, lengths = self.cell.obstacles, self._spec.gripper, (self._approach, LIFT)
+        ends = (self.start, self.goal)
         return np.maximum(
             *(gripper_depth(near, gripper, at @ grasps.tool, grasps.opened, *lengths, limit) for at in ends)
         )
@@ -219,11 +255,11 @@ class PickPlanner:
     def _is_clear(self, grasps: ObjectGrasps, at: np.ndarray) -> bool:
         """Return whether the gripper keeps clear with one of some grasps of the object at a pose [4 4]."""
         blocks = (grasps[block] for block in chunks(iter(range(len(grasps.tool))), BLOCK))
-        near, gripper = self._cell.obstacles, self._spec.gripper
+        near, gripper = self.cell.obstacles, self._spec.gripper
         depths = (gripper_depth(near, gripper, at @ g.tool, g.opened, self._approach, LIFT) for g in blocks)
         return any(bool((depth <= 0.0).any()) for depth in depths)
 
-    def _diverse(self, grasps: ObjectGrasps) -> list[int]:
+    def diverse(self, grasps: ObjectGrasps) -> list[int]:
         """Return up to GRASPS of them, in order, that keep clear.
 
         No two have nearly the same direction, so that those near to one that is kept need not be looked at.
@@ -231,7 +267,7 @@ class PickPlanner:
         chosen: list[int] = []
         for block in chunks(iter(range(len(grasps.tool))), BLOCK):
             some = [k for k in block if not is_near(grasps.tool[k], grasps.tool[chosen])]
-            depth = self._depth(grasps[some]) if some else np.zeros(0)
+            depth = self.depth(grasps[some]) if some else np.zeros(0)
             for k, reached_into in zip(some, depth, strict=True):
                 # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
                 if reached_into <= 0.0 and not is_near(grasps.tool[k], grasps.tool[chosen]):
@@ -246,14 +282,14 @@ class PickPlanner:
         """Yield the straight paths for bases and indices of grasps; what fails is noted."""
         self._solved += len(pairs)
         stands, remedy = [stand for stand, _ in pairs], "; choose a place with more room"
-        ups = np.stack([there_and_up(self._start @ grasps.tool[k], self._approach) for _, k in pairs])
-        up = Follow("approach and lift", 1, ups, self._meets, IK_SEEDS, clear=BRANCHES, remedy=remedy)
+        ups = np.stack([there_and_up(self.start @ grasps.tool[k], self._approach) for _, k in pairs])
+        up = Follow("approach and lift", 1, ups, self.meets, IK_SEEDS, clear=BRANCHES, remedy=remedy)
         partial, downs = [], []
-        for k, path in self._search.followed(stands, up):
+        for k, path in self.search.followed(stands, up):
             at = len(path) - 1 - round(LIFT / STEP)
-            tool = self._cell.kin.tool(path[at : at + 1])[0]
-            held = np.linalg.inv(tool) @ np.linalg.inv(stands[k].base) @ self._start
-            down = self._goal @ np.linalg.inv(held)
+            tool = self.cell.kin.tool(path[at : at + 1])[0]
+            held = np.linalg.inv(tool) @ np.linalg.inv(stands[k].base) @ self.start
+            down = self.goal @ np.linalg.inv(held)
             down[2, 3] += DROP
             partial.append((stands[k], path, held, float(grasps.opened[pairs[k][1]])))
             downs.append(there_and_up(down, self._approach)[::-1])
@@ -261,21 +297,22 @@ class PickPlanner:
             return
         lifted = np.stack([path[-1] for _, path, *_ in partial])
         lower = Follow(
-            "lowering and retreat", 2, np.stack(downs), self._meets, IK_SEEDS, clear=BRANCHES, near=lifted,
+            "lowering and retreat", 2, np.stack(downs), self.meets, IK_SEEDS, clear=BRANCHES, near=lifted,
             may_flip=False, remedy=remedy,
         )  # fmt: skip
-        for k, path in self._search.followed([stand for stand, *_ in partial], lower):
+        for k, path in self.search.followed([stand for stand, *_ in partial], lower):
             yield StraightPaths(*partial[k], path)
 
-    def _meets(self, stand: Stand, path: np.ndarray) -> Penetration:
-        return self._cell.met(path, stand.base)
+    def meets(self, stand: Stand, path: np.ndarray) -> Penetration:
+        """Return how deep the arm reaches into something on a joint path [pose arm] from a base [m], and into what."""
+        return self.cell.met(path, stand.base)
 
     def _joined(self, paths: StraightPaths) -> PickPlan | None:
         """Return a plan with these straight paths at start and place; None where what joins them is not free."""
-        cell, search, stand, opened = self._cell, self._search, paths.stand, paths.opened
-        body = np.linalg.inv(stand.base) @ self._start
-        empty = cell.empty(stand.base, opened, self._points @ body[:3, :3].T + body[:3, 3])
-        holding = cell.holding(stand.base, opened, paths.held, self._points)
+        cell, search, stand, opened = self.cell, self.search, paths.stand, paths.opened
+        body = np.linalg.inv(stand.base) @ self.start
+        empty = cell.empty(stand.base, opened, self.points @ body[:3, :3].T + body[:3, 3])
+        holding = cell.holding(stand.base, opened, paths.held, self.points)
         home, up, down = np.array(self._spec.home), paths.up, paths.down
         reach = search.joined(cell, stand, home, up[0], empty, "reach", 3, WIDE)
         carry = None if reach is None else search.joined(cell, stand, up[-1], down[0], holding, "carry", 4, WIDE)

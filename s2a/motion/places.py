@@ -23,7 +23,7 @@ from s2a.scene.articulation import displace, opening_direction, pose_at, transfo
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
 from s2a.scene.scene import Mesh
-from s2a.scene.usd.sim_scene import SimRoom
+from s2a.scene.usd.sim_scene import SimRoom, in_scene
 
 Ends = TypeVar("Ends")
 Plan = TypeVar("Plan")
@@ -47,6 +47,7 @@ FAR = 1.25
 HIGH = 1.2  # [m] Between the heights of both ends, at most, likewise
 # Free places that a task plans for, one after the other, until there is a plan; and of them on one of several supports
 CANDIDATES, OF_ONE = 6, 3
+INNER = 0.25  # [m] From the border of a support that is far away, where its spots are looked for
 NEAR = "nearby"  # Stands for free places of what carries the object at the other end, and of what is near that
 GAP = 0.001  # [m] Between an object and its support where it is put down
 MOVED = "as task.start_shift and task.start_turn need it"  # Why a spot has to be level
@@ -104,6 +105,20 @@ def place_poses(
     yaw = Rotation.from_euler("z", numbers[3] if len(numbers) == 4 else 0.0, degrees=True)
     turned = yaw * Rotation.from_quat(room.free[name].orientation)
     yield np.array([*numbers[:3], *turned.as_quat()])
+
+
+def near_support(room: SimRoom, support: str | None, start: np.ndarray) -> np.ndarray:
+    """Return about where a robot that drives looks for spots on a support: the start (7-vector), or what is nearest to that."""
+    hulls = [c.mesh.vertices for c in room.static_colliders if c.part == support]
+    hulls += [in_scene(body, c.mesh) for body in room.bodies.values() for c in body.colliders if c.part == support]
+    if not hulls:
+        return start
+    low, high = np.concatenate(hulls).min(axis=0), np.concatenate(hulls).max(axis=0)
+    inner = np.minimum((high - low)[:2] / 2, INNER)
+    near = np.clip(start[:2], low[:2] + inner, high[:2] - inner)
+    if np.linalg.norm(near - start[:2]) <= FAR:
+        return start
+    return np.array([*near, high[2], *start[3:]])
 
 
 def _inserted(room: SimRoom, name: str, record: Path) -> np.ndarray:

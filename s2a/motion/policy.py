@@ -177,6 +177,7 @@ class Planner:
         gain: float = 1.0,
         behind: float = BEHIND,
         knows_grasp: bool = False,
+        trajectory: Trajectory | None = None,
     ) -> None:
         """Take motions that were planned before, one a stage, or plan for the only stage.
 
@@ -188,15 +189,17 @@ class Planner:
                 trajectory's own velocity.
             behind: steps at full velocity that a joint target may be behind the trajectory before this waits for it.
             knows_grasp: go to the true grasp, also where the task's observation has it elsewhere.
+            trajectory: planned before for the only stage, which may drive the base.
 
         Raises:
             InputError: out of reach.
         """
         sim = self._sim = env.sim
         self._env = env
-        planned = [_from_home(sim, motion, config) for motion in motions]
+        planned = [from_home(sim, motion, config) for motion in motions]
         follows_path = partial(env.task.tool_path, config=env.task.config)
-        self.trajectories = planned or [env.task.trajectory(config) or plan(sim, config, follows_path)]
+        given = [trajectory] if trajectory else planned
+        self.trajectories = given or [env.task.trajectory(config) or plan(sim, config, follows_path)]
         self.grasp_steps = self.trajectories[0].reach_steps + self.trajectories[0].closed
         self.steps = max(each.reach_steps + len(each.targets) for each in self.trajectories)
         stage = sim.stage_of_env if motions else np.zeros(sim.num_envs, dtype=int)
@@ -213,6 +216,8 @@ class Planner:
         self._corrections = None
         if not motions:
             self._corrections = Corrections(sim, self.trajectories[0], sim.config.control_frequency)
+        driven = self.trajectories[0].base
+        self._base = None if driven is None else torch.tensor(_base(self.trajectories[0], driven), device=sim.device)
         self._start = self._last = sim.joint_target_q[:, : self._targets.shape[2]].clone()
         self._clock = torch.zeros(env.num_envs, dtype=torch.float64, device=sim.device)
         internal = wp.to_torch(env.state.internal)[:, None] == 1
@@ -269,12 +274,24 @@ class Planner:
             following = torch.lerp(following, self._target((index + 1).clamp(max=self._targets.shape[1] - 1)), past)
         following = torch.where((step < reach)[:, None], reaching, following)
         self._last = torch.where(began[:, None], now, self._last)
+        if self._base is not None:
+            self._drive(index)
         action = self._sense * (following - now - (1.0 - self._gain) * (self._last - now)) / self._env.action_step
         behind = (following - now)[:, : self._arm] / self._env.action_step[: self._arm]
         goes_on = behind.abs().amax(dim=1) <= self._behind
         self._clock = torch.where(goes_on, self._after(self._clock), self._clock)
         self._last = torch.where(goes_on[:, None], following, self._last)
         return action
+
+    def _drive(self, index: torch.Tensor) -> None:
+        """Lead the base of every world to where it is at these steps of the trajectory [world], at the velocity there."""
+        assert self._base is not None
+        last = self._base.shape[0] - 1
+        now, then = self._base[index.clamp(max=last)], self._base[(index + 1).clamp(max=last)]
+        moves = ((index < last) & (index + 1 < len(self.trajectories[0].targets)))[:, None]
+        self._sim.base_target_q.copy_(now)
+        rate = self._sim.config.control_frequency
+        self._sim.base_target_qd.copy_(torch.where(moves, (then - now) * rate, torch.zeros_like(now)))
 
     def _observing(self, stage: np.ndarray) -> Correction:
         """Return the correction that leads to the grasp that the task observes; `stage`: of each world, shape [world]."""
@@ -311,7 +328,14 @@ def _whole(trajectory: Trajectory) -> np.ndarray:
     return np.concatenate([trajectory.targets, *([trajectory.retry.targets] if trajectory.retry else [])])
 
 
-def _from_home(sim: Simulation, motion: Demonstration, config: PlannerConfig) -> Trajectory:
+def _base(trajectory: Trajectory, base: np.ndarray) -> np.ndarray:
+    """Return targets of the base [step 4] for all targets of a trajectory; on its way back it stands where it picks."""
+    picks = trajectory.anchor("object")
+    back = len(trajectory.retry.targets) if trajectory.retry else 0
+    return np.concatenate([base, np.tile(base[picks.last if picks else -1], (back, 1))]).astype(np.float32)
+
+
+def from_home(sim: Simulation, motion: Demonstration, config: PlannerConfig) -> Trajectory:
     """Return a motion that was planned before as a trajectory from home."""
     home, arm = np.array(sim.robot.home), len(sim.robot.arm_joints)
     first, frequency = motion.targets[0, :arm], sim.config.control_frequency

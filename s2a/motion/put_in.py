@@ -10,6 +10,7 @@ import numpy as np
 from s2a import robot as robots
 from s2a.core.errors import InputError
 from s2a.motion import pick
+from s2a.motion.floor import FreeFloor
 from s2a.motion.obstacles import Obstacles, moved_room
 from s2a.motion.open import drawn_back
 from s2a.motion.pick import PickStage
@@ -61,6 +62,7 @@ class PutTask:
     opening: float  # coordinate to which this is opened [m] or [rad]
     approach: float  # straight path to the handle, and to the object [m]
     depth: float  # of the grasp of the handle past the grasp point [m]
+    floor: FreeFloor | None = None  # as of PickTask
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,16 +86,24 @@ class PutStage(PickStage):
 
 
 def read_stage(
-    path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any, motion: PlannerConfig
+    path: Path,
+    part: str | None,
+    robot: str | None,
+    also: Sequence[str],
+    config: Any,
+    motion: PlannerConfig,
+    room: SimRoom | None = None,
+    floor: FreeFloor | None = None,
 ) -> PutStage:
     """Read a room and plan for an object and a part of it, which decides where the robot stands.
 
-    The task's settings are those of `pick.EndsConfig`, and `opening`: the path of the handle [m].
+    The task's settings are those of `pick.EndsConfig`, and `opening`: the path of the handle [m]. `room` and `floor` are as those
+    of `Task.read_stage`.
 
     Raises:
         InputError: no such object, start or part; the robot cannot do it, with the segment that fails.
     """
-    room = sim_stage.read(path, visuals=False)
+    room = room or sim_stage.read(path, visuals=False)
     target, spec = free_object(room, part), robots.load(robot or DEFAULT_ROBOT)
     if config.place not in room.articulations:
         possible = ", ".join(room.articulations) or "none"
@@ -108,7 +118,7 @@ def read_stage(
         target,
         spec,
         place_poses(room, target, config.start, grasp, leaning=not (config.start_shift or config.start_turn)),
-        lambda at: plan_put(PutTask(room, target, at, into, opened, motion.approach, motion.depth), spec),
+        lambda at: plan_put(PutTask(room, target, at, into, opened, motion.approach, motion.depth, floor), spec),
     )
     stage = pick.of_object(path, room, target, start, put.goal, put.pick, spec, (into, *also))
     return PutStage(**stage, start=start, goal=put.goal, plan=put.pick, part=into, opened=opened, put=put)
@@ -193,7 +203,7 @@ class PutPlanner:
         self._handles: dict[bytes, list[np.ndarray]] = {}
 
     def _cell(self, room: SimRoom, *without: str) -> Workcell:
-        return Workcell(self._spec, Obstacles.of_room(room, without, self._about))
+        return Workcell(self._spec, Obstacles.of_room(room, without, self._about), self._task.floor)
 
     def _meets(self, stand: Stand, joints: np.ndarray) -> Penetration:
         return self._beside.met(joints, stand.base)
@@ -211,7 +221,7 @@ class PutPlanner:
         """Return the first plan; Unreachable: there is none."""
         t = self._task
         try:
-            task = PickTask(self._opened, t.target, t.start, self._goal, t.approach)
+            task = PickTask(self._opened, t.target, t.start, self._goal, t.approach, floor=t.floor)
             picked = plan_pick(task, self._spec, self._seed, self._fits)
         except Unreachable as error:
             nearest = self._search.misses.nearest

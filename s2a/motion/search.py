@@ -24,6 +24,8 @@ DIRECTIONS = 24  # Directions from which the robot may face the object: 14 cm ap
 # [m] Distances besides the robot's own, which are for handles in front of it:
 # where there is little floor, these are left
 FURTHER = 0.4, 0.8
+# [rad] By which a base that drives is turned away from the object, its arm turned back: a long one fits beside furniture so
+TURNS = (0.0, 0.7, -0.7, 1.4, -1.4)
 BLOCK = 64  # Bases that are looked at together
 IK_SEEDS = 12  # Starts of the inverse kinematics at each base, for a path that the arm follows
 EXACT = 1e-3  # Root of the squared errors [m and rad] up to which inverse kinematics reaches a single pose
@@ -261,23 +263,29 @@ def around(
     distances = (*spec.distances, *FURTHER)
     middle = (start[:3, 3] + goal[:3, 3]) / 2
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    heights, turns = (pedestals, (0.0,)) if cell.heights is None else (cell.heights, TURNS)
     places = sorted(
-        itertools.product(distances, angles, pedestals), key=lambda p: abs(p[0] - distances[0]) + 0.3 * p[2]
+        itertools.product(distances, angles, heights, turns),
+        key=lambda p: abs(p[0] - distances[0]) + 0.3 * p[2] + 0.05 * abs(p[3]),
     )
     over = max(start[2, 3], goal[2, 3])
-    spots = np.array([[*(middle[:2] + r * np.array([np.cos(a), np.sin(a)])), over] for r, a, _ in places])
+    spots = np.array([[*(middle[:2] + r * np.array([np.cos(a), np.sin(a)])), over] for r, a, *_ in places])
     floor, _ = cell.obstacles.below(spots)
     stands = np.isfinite(floor) & (floor <= floor[np.isfinite(floor)].min(initial=np.inf) + 0.05)
-    raised = np.array([pedestal for _, _, pedestal in places])
+    raised = np.array([height for _, _, height, _ in places])
     shoulders = np.c_[spots[:, :2], floor + raised + spec.shoulder_height]
     reach = np.max([np.linalg.norm(at[:3, 3] - shoulders, axis=1) for at in (start, goal)], axis=0)
     poses = np.tile(np.eye(4), (len(places), 1, 1))
-    poses[:, :3, :3] = Rotation.from_euler("z", [[angle + np.pi] for _, angle, _ in places]).as_matrix()
+    poses[:, :3, :3] = Rotation.from_euler("z", [[angle + np.pi] for _, angle, *_ in places]).as_matrix()
     poses[:, :3, 3] = np.c_[spots[:, :2], floor + raised]
+    aside = np.array([turn for *_, turn in places])
+    facing = poses.copy()
+    poses[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_euler("z", aside[:, None]).as_matrix()
     hopeful = np.flatnonzero(stands & (reach <= spec.reach + 0.1))
     for block in np.array_split(hopeful, max(1, math.ceil(len(hopeful) / BLOCK))):
         for k in block[cell.clear_stands(poses[block], raised[block])]:
-            yield Stand(poses[k], float(raised[k]))
+            turned = facing[k] if aside[k] else None
+            yield Stand(poses[k], float(raised[k]), float(aside[k]), turned)
 
 
 def reached(

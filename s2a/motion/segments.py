@@ -74,7 +74,16 @@ class Wait:
     name: str = ""  # for `Timeline.span`
 
 
-Segment = Straight | Grip | Release | Wait
+@dataclass(frozen=True)
+class Drive:
+    """The base drives and lifts, the arm as it is."""
+
+    path: np.ndarray  # coordinates of the base: x, y, yaw, lift, shape [pose 4]
+
+
+Segment = Straight | Grip | Release | Wait | Drive
+# Of a base in a room: m/s, m/s, rad/s, m/s and the same per second, at most
+CALM = JointLimits((0.6, 0.6, 0.8, 0.2), (0.5, 0.5, 0.8, 0.5), (0.0, 0.0, 0.0, 0.0))
 
 
 class Timeline:
@@ -95,6 +104,7 @@ class Timeline:
         closed: bool = False,
         settle: float = SETTLE,
         part: float = 0.0,
+        base: np.ndarray | None = None,
     ) -> None:
         """Begin at joints [arm].
 
@@ -107,12 +117,14 @@ class Timeline:
             closed: the fingers are, at first.
             settle: that the arm stands after it has moved [s].
             part: coordinate of the part that is moved, at first [m or rad].
+            base: coordinates of a base that drives [4]; None: there is none.
         """
         self._spec, self._limits, self._frequency = spec, limits, frequency
         self._shut, self._settle = closing(spec.gripper, close_time, frequency), settle
         self._wide = spec.gripper.finger_joint_open
         self._fingers = 0.0 if closed else self._wide
         self._arm, self._finger, self._part = [first[None]], [np.full(1, self._fingers)], [np.full(1, part)]
+        self._base = [np.zeros((1, 0)) if base is None else base[None]]
         self._spans: dict[str, tuple[int, int]] = {}
         self.closed = 0
 
@@ -122,6 +134,8 @@ class Timeline:
             begin = self.last
             if isinstance(segment, Straight):
                 self._move(segment)
+            elif isinstance(segment, Drive):
+                self._drive(segment.path)
             elif isinstance(segment, Wait):
                 self._stand(segment.seconds)
             else:
@@ -147,6 +161,12 @@ class Timeline:
         fingers = np.concatenate(self._finger)[:, None]
         return np.concatenate([np.concatenate(self._arm), fingers, fingers], axis=1)
 
+    @property
+    def base(self) -> np.ndarray | None:
+        """Targets of the base, shape [step 4]; None: it stands still."""
+        whole = np.concatenate(self._base)
+        return whole if whole.shape[1] else None
+
     def trajectory(
         self, noise: float, reach_time: float, anchors: tuple[Anchor, ...] = (), retry: Retry | None = None
     ) -> Trajectory:
@@ -161,7 +181,7 @@ class Timeline:
             # An eased motion's peak is 4/3 of its mean speed.
             reach_time = max(0.5 * reach_time, 4.0 / 3.0 * self._wide / (USED * self._spec.gripper.finger_speed))
         reach = reach_steps(home, first, noise, reach_time, self._limits, self._frequency)
-        return Trajectory(targets, np.concatenate(self._part), reach, self.closed, anchors, retry)
+        return Trajectory(targets, np.concatenate(self._part), reach, self.closed, anchors, retry, self.base)
 
     def _move(self, segment: Straight) -> None:
         seconds, progress = segment.seconds, segment.progress if isinstance(segment, Along) else eased
@@ -174,10 +194,22 @@ class Timeline:
             self._part[-1] = sampled(segment.q[:, None], len(moved), lambda time: np.minimum(progress(time), 1.0))[:, 0]
         self._stand(self._settle)
 
+    def _drive(self, path: np.ndarray) -> None:
+        """Move the base along its path [pose 4], within its limits and CALM."""
+        drive = self._spec.drive
+        assert drive is not None, "a robot whose base drives"
+        pairs = [(drive.velocity, CALM.velocity), (drive.acceleration, CALM.acceleration)]
+        fast, hard = (tuple(map(min, own, calm)) for own, calm in pairs)
+        moved = timed(path, 0.0, JointLimits(fast, hard, drive.force), self._frequency)
+        self._add(np.tile(self._arm[-1][-1], (len(moved), 1)), np.full(len(moved), self._fingers))
+        self._base[-1] = moved
+        self._stand(SETTLE)
+
     def _add(self, arm: np.ndarray, fingers: np.ndarray) -> None:
-        """Add targets [step arm] and [step]; the part stays where it is."""
+        """Add targets [step arm] and [step]; the part and the base stay where they are."""
         self._arm.append(arm)
         self._finger.append(fingers)
+        self._base.append(np.tile(self._base[-1][-1], (len(arm), 1)))
         self._part.append(np.full(len(arm), self._part[-1][-1]))
 
     def _stand(self, seconds: float) -> None:

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -95,10 +95,40 @@ class Trajectory:
     closed: int  # index of the first target with the gripper closed
     anchors: tuple[Anchor, ...] = ()  # where it moves along with what is elsewhere
     retry: Retry | None = None  # how it comes back for what was not lifted; None: it goes on without
+    base: np.ndarray | None = (
+        None  # of a base that drives: x, y, yaw, lift [m, rad], shape [step 4]; None: it stands still
+    )
 
     def anchor(self, to: str) -> Anchor | None:
         """Return the anchor to something; None: it has none."""
         return next((each for each in self.anchors if each.to == to), None)
+
+
+def preceded(after: Trajectory, targets: np.ndarray, base: np.ndarray) -> Trajectory:
+    """Return a trajectory that does other targets first, and then another one, whose reach from home is among its targets.
+
+    Args:
+        after: the other one; where it has no targets of the base, this stands where the first targets end.
+        targets: of arm and fingers, up to home, shape [step joint].
+        base: of the base, shape [step 4].
+    """
+    ramp = eased(np.arange(1, after.reach_steps) / after.reach_steps)[:, None]
+    first = np.concatenate([targets, targets[-1] + ramp * (after.targets[0] - targets[-1])])
+    own = np.tile(base[-1], (len(after.targets), 1)) if after.base is None else after.base
+    count, part = len(first), np.concatenate([np.full(len(first), after.part[0]), after.part])
+    shifted = tuple(
+        replace(a, begin=a.begin + count, first=a.first + count, last=a.last + count, end=a.end + count)
+        for a in after.anchors
+    )
+    return Trajectory(
+        np.concatenate([first, after.targets]),
+        part,
+        1,
+        after.closed + count,
+        shifted,
+        after.retry,
+        np.concatenate([base, np.tile(base[-1], (count - len(base), 1)), own]),
+    )
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.spatial import KDTree
 
+from s2a.motion.floor import FreeFloor
 from s2a.motion.gripper import gripper_spheres
 from s2a.motion.obstacles import Obstacles
 from s2a.robot.collision import SLACK, Penetration, RobotShape, robot_shape
@@ -21,6 +22,7 @@ from s2a.scene.scene import Joint
 # Joints [pose arm] and by how much all is taken to be thicker [m] -> how deep it reaches into
 # obstacles [m], shape [pose]
 Depth = Callable[[np.ndarray, float], np.ndarray]
+LIFTS = 4  # Positions of a lift that are tried
 STARTS = 24  # Starts off home that must be free: a joint that is off by 0.125 rad moves the gripper by 10 cm
 HELD_RADIUS = 0.005  # [m] Clearance of the held object's surface
 
@@ -31,6 +33,7 @@ class Workcell:
 
     spec: RobotSpec  # the robot
     obstacles: Obstacles  # what stands around it
+    floor: FreeFloor | None = None  # on which its base drives; None: it stands still
 
     @cached_property
     def shape(self) -> RobotShape:
@@ -65,7 +68,9 @@ class Workcell:
         pads = None if opened is None else np.full(len(q), opened)
         whole = np.concatenate([shape.centers(q)[:, chosen], gripper.placed(self.kin.tool(q), pads)], axis=1)
         centers = whole @ np.swapaxes(base[..., :3, :3], -1, -2) + base[..., None, :3, 3]
-        return self.obstacles.depth(centers, np.concatenate([shape.radii[chosen], gripper.radii]) + clearance)
+        radii = np.concatenate([shape.radii[chosen], gripper.radii])
+        depth = self.obstacles.depth(centers, radii + clearance)
+        return depth if self.floor is None else np.maximum(depth, self.floor.own_depth(centers, radii, base))
 
     def met(
         self, path: np.ndarray, base: np.ndarray, part: MovingPart | None = None, coordinates: np.ndarray | None = None
@@ -100,7 +105,18 @@ class Workcell:
         free[free] = near.depth(around, shape.shoulder_radii) <= SLACK
         home = np.tile(np.array(self.spec.home), (int(free.sum()), 1))
         free[free] = self.arm_depth(home, poses[free]) <= SLACK
+        if self.floor is not None and free.any():
+            coordinates = [
+                self.floor.stands(pose, height) for pose, height in zip(poses[free], pedestals[free], strict=True)
+            ]
+            free[free] = self.floor.reachable(np.array(coordinates))
         return free
+
+    @property
+    def heights(self) -> Sequence[float] | None:
+        """Heights of the arm's root link above the floor that its lift offers [m]; None: it has none."""
+        drive = self.floor.drive if self.floor else None
+        return None if drive is None else tuple(drive.mount[2] + drive.lift * np.linspace(0.0, 1.0, LIFTS))
 
     def empty(self, base: np.ndarray, opened: float | None = None, body: np.ndarray | None = None) -> Depth:
         """Return the depth of an arm that holds nothing, also into a body of points [point 3] in the base frame."""

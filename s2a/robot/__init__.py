@@ -66,6 +66,11 @@ def _register(path: Path) -> str:
 @cache
 def _load(name: str, path: Path) -> RobotSpec:
     values = config.read(path)
+    if like := values.get("like"):
+        base = _files().get(str(like))
+        if base is None or base == path:
+            raise InputError(f"{path}: like={like!r} is no other robot; robots are: {', '.join(sorted(_files()))}")
+        values = config.read(base) | values
     for each in (values, values.get("attach") or {}):
         if isinstance(model := each.get("model"), str) and (beside := path.parent / Path(model).expanduser()).is_file():
             each["model"] = str(beside.resolve())

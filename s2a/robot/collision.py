@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from s2a.core.cache import recall
 from s2a.robot import urdf
 from s2a.robot.kinematics import Kinematics, kinematics
-from s2a.robot.spec import RobotSpec
+from s2a.robot.spec import DriveSpec, RobotSpec
 
 BULGE = 0.02  # [m] How far the spheres may stand out of the links; between two links twice as much is no collision
 SLACK = 0.005  # [m] Accepted penetration of the spheres, which stand out of the links by more
@@ -113,7 +113,7 @@ def spheres(spec: RobotSpec) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     Those of a robot of this package are a file; others are made of its collision geometry once, and kept in the cache.
     """
-    file = Path(__file__).parent / spec.name / "spheres.csv"
+    file = Path(__file__).parent / (spec.like or spec.name) / "spheres.csv"
     if file.is_file() and not Path(spec.model).is_absolute():
         table = np.genfromtxt(file, delimiter=",", dtype=str)[1:]
         return table[:, 0], table[:, 1:4].astype(float), table[:, 4].astype(float)
@@ -179,6 +179,23 @@ def covering(solid: trimesh.Trimesh, bulge: float) -> list[tuple[float, ...]]:
 def robot_shape(spec: RobotSpec) -> RobotShape:
     """Return a robot's spheres."""
     return RobotShape(spec)
+
+
+FREE = 0.02  # [m] Between a base's box and the floor
+
+
+def base_solids(drive: DriveSpec) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
+    """Return the box of a base, in its own frame, and the column below the arm, in the frame of the arm's root link.
+
+    The lift carries the column, which with the lift down reaches into the box.
+    """
+    length, width, tall = drive.chassis
+    box = trimesh.creation.box((length, width, tall - FREE))
+    box.apply_translation((0.0, 0.0, (tall + FREE) / 2))
+    down = min(drive.mount[2] - FREE, drive.mount[2] - tall + drive.lift)
+    column = trimesh.creation.box((2 * drive.column, 2 * drive.column, down))
+    column.apply_translation((0.0, 0.0, -down / 2))
+    return box, column
 
 
 def _depth(a: np.ndarray, b: np.ndarray, radii_a: np.ndarray, radii_b: np.ndarray) -> np.ndarray:

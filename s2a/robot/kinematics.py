@@ -11,7 +11,7 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from s2a.robot import urdf
-from s2a.robot.spec import RobotSpec
+from s2a.robot.spec import DriveSpec, RobotSpec
 
 if TYPE_CHECKING:
     import newton
@@ -123,6 +123,21 @@ class Kinematics:
             q = wp.array(start.astype(np.float32))
             solver.step(q, q, iterations=iterations)
             return q.numpy().astype(float), np.sqrt(solver.costs.numpy()[:n])
+
+
+def base_coordinates(drive: DriveSpec, base: np.ndarray, height: float) -> np.ndarray:
+    """Return x, y, yaw and lift of a base [4] whose arm has its root link at a pose [4 4], so high above the floor [m]."""
+    yaw = float(np.arctan2(base[1, 0], base[0, 0]))
+    place = base[:2, 3] - base[:2, :2] @ np.array(drive.mount[:2])
+    return np.array([*place, yaw, height - drive.mount[2]])
+
+
+def arm_pose(drive: DriveSpec, q: np.ndarray, floor: float) -> np.ndarray:
+    """Return the pose [4 4] of the arm's root link on a base at coordinates q [4] on a floor of this height [m]."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_euler("z", q[2]).as_matrix()
+    pose[:3, 3] = [*q[:2], floor + q[3]] + pose[:3, :3] @ np.array(drive.mount)
+    return pose
 
 
 @cache

@@ -162,6 +162,38 @@ class BaseSpec:
 
 
 @dataclass(frozen=True)
+class DriveSpec:
+    """A base that drives in any direction on a level floor, and a lift on it that carries the arm.
+
+    Its joints are x, y [m] and yaw [rad] of the base on the floor, and the lift's travel [m]. They are commanded by velocities.
+
+    Attributes:
+        chassis: extents of the base's box, on the floor, x ahead [m].
+        mount: origin of the arm's root link in the frame of the base on the floor, the lift down [m]; its axes are the base's.
+        lift: travel of the lift [m].
+        column: half the width of the square column that the lift fills [m].
+        mass: of the base, and of what the lift carries beside the arm [kg].
+        velocity: of x, y, yaw and lift [m/s, rad/s].
+        acceleration: likewise [m/s^2, rad/s^2].
+        force: that the wheels transmit along x and y, about the vertical, and the lift's [N, N m].
+    """
+
+    chassis: Vec3
+    mount: Vec3
+    lift: Positive
+    column: Positive
+    mass: tuple[Positive, Positive]
+    velocity: tuple[Positive, Positive, Positive, Positive]
+    acceleration: tuple[Positive, Positive, Positive, Positive]
+    force: tuple[Positive, Positive, Positive, Positive]
+
+    @property
+    def limits(self) -> JointLimits:
+        """Limits of x, y, yaw and lift."""
+        return JointLimits(self.velocity, self.acceleration, self.force)
+
+
+@dataclass(frozen=True)
 class Attachment:
     """A second file, fixed to a link of the first: a gripper on an arm.
 
@@ -199,6 +231,8 @@ class RobotSpec:
         attach: a second file, such as that of a gripper; null: none.
         tool_rotation: of the tool frame in the file's frame of the gripper body, fixed-axis angles as URDF's [rad].
         fixed_joints: (name, coordinate [rad or m]) of joints that are neither the arm's nor the gripper's; others are fixed at 0.
+        drive: the base that drives; null: it stands still, on a pedestal of any height.
+        like: robot of this package that has all values which the YAML does not give; empty: it gives all.
     """
 
     name: str
@@ -215,6 +249,8 @@ class RobotSpec:
     attach: Attachment | None = None
     tool_rotation: Vec3 = (0.0, 0.0, 0.0)
     fixed_joints: tuple[tuple[str, float], ...] = ()
+    drive: DriveSpec | None = None
+    like: str = ""
 
     def __post_init__(self) -> None:
         """Raise InputError unless there is one value per arm joint."""
@@ -226,6 +262,11 @@ class RobotSpec:
                     f"robot {self.name!r}: {key} has {len(values)} values; give one for each of the "
                     f"{len(self.arm_joints)} arm joints"
                 )
+
+    @property
+    def base_joints(self) -> int:
+        """Number of the joints of a base that drives: 4, or 0."""
+        return 0 if self.drive is None else len(self.drive.velocity)
 
     @property
     def tool_link(self) -> str:

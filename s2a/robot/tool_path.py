@@ -218,7 +218,13 @@ EVERY = 4  # Of so many joint positions along a line one is asked about first, t
 
 
 def free_motion(
-    start: np.ndarray, goal: np.ndarray, lower: np.ndarray, upper: np.ndarray, free: Free, seed: int
+    start: np.ndarray,
+    goal: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    free: Free,
+    seed: int,
+    checks: int = CHECKS,
 ) -> np.ndarray | None:
     """Return evenly spaced joint positions [pose arm] from start to goal that collide with nothing; None: none was found.
 
@@ -229,6 +235,7 @@ def free_motion(
         upper: likewise.
         free: what is asked of joints.
         seed: of the search, whatever was searched before.
+        checks: joint positions that the search may ask about.
 
     Raises:
         InputError: OMPL is not installed.
@@ -263,7 +270,7 @@ def free_motion(
     info = setup.getSpaceInformation()
     info.setMotionValidator(_line_check(base)(info, search, count))
     setup.setPlanner(geometric.RRTConnect(info))
-    setup.solve(base.PlannerTerminationCondition(lambda: search.asked >= CHECKS))
+    setup.solve(base.PlannerTerminationCondition(lambda: search.asked >= checks))
     if not setup.haveExactSolutionPath():
         return None
     search.asked = 0

@@ -4,6 +4,8 @@
 import csv
 from pathlib import Path
 
+import mujoco_warp
+import numpy as np
 import torch
 import warp as wp
 
@@ -173,3 +175,83 @@ class LimitUse:
     def _remember(self) -> None:
         self._last_target = self._sim.joint_target_q[:, : self._joints].clone()
         self._last_speed = self._sim.joint_qd[:, : self._joints].clone()
+
+
+# Who presses on whom, of `RobotContacts`: base, lift or arm on anything; the gripper on anything but the target; on that
+PRESSING = ("body", "gripper", "target")
+ELSE, BODY, GRIPPER, TARGET = (wp.constant(i) for i in range(4))
+
+
+class RobotContacts:
+    """Contact forces of the robot of world 0: the largest sum of normal forces in a physics step, by who presses on whom.
+
+    The sum over all contacts of `PRESSING`'s kind, so that a force that many points share counts whole.
+    """
+
+    def __init__(self, sim: Simulation) -> None:
+        """Begin with none; `aim` makes it count."""
+        self._sim, data = sim, sim.solver.mjw_data
+        self._ids = wp.array(np.arange(data.naconmax), dtype=int, device=sim.device)
+        self._force = wp.zeros(data.naconmax, dtype=wp.spatial_vector, device=sim.device)
+        self._sums = wp.zeros(len(PRESSING), dtype=float, device=sim.device)
+        self._peaks = wp.zeros(len(PRESSING), dtype=float, device=sim.device)
+
+    def aim(self) -> None:
+        """Count from now on, with the simulation's target of now; call it before an environment captures its step."""
+        sim = self._sim
+        bodies = sim.model.body_count // sim.num_envs
+        of_body = np.full(bodies + 1, int(ELSE))  # the last entry stands for the immovable room
+        of_body[list(sim.layout.robot_bodies)], of_body[sim.layout.part_body] = int(BODY), int(TARGET)
+        of_body[[sim.layout.tool_body, *sim.layout.finger_bodies]] = int(GRIPPER)
+        shapes = sim.solver.mjc_geom_to_newton_shape.numpy()
+        body = sim.model.shape_body.numpy()[shapes]
+        owner = np.where((shapes >= 0) & (body >= 0), of_body[np.where(body >= 0, body % bodies, bodies)], int(ELSE))
+        self._owner = wp.array(owner, dtype=int, device=sim.device)
+        self._peaks.zero_()
+        sim.after_substep.append(self._add)
+
+    def peaks(self) -> dict[str, float]:
+        """Return the largest force since `aim` [N], by PRESSING."""
+        return {name: round(float(each), 1) for name, each in zip(PRESSING, self._peaks.numpy(), strict=True)}
+
+    def _add(self) -> None:
+        data, device = self._sim.solver.mjw_data, self._sim.model.device
+        mujoco_warp.contact_force(self._sim.solver.mjw_model, data, self._ids, False, self._force)
+        self._sums.zero_()
+        contact = data.contact
+        inputs = [data.nacon, contact.geom, contact.worldid, contact.efc_address, self._force, self._owner, self._sums]
+        wp.launch(_press, dim=data.naconmax, inputs=inputs, device=device)
+        wp.launch(_raise, dim=len(PRESSING), inputs=[self._sums, self._peaks], device=device)
+
+
+@wp.kernel
+def _press(
+    count: wp.array(dtype=int),
+    geom: wp.array(dtype=wp.vec2i),
+    world: wp.array(dtype=int),
+    row: wp.array2d(dtype=int),
+    force: wp.array(dtype=wp.spatial_vector),
+    owner: wp.array2d(dtype=int),
+    sums: wp.array(dtype=float),
+):
+    contact = wp.tid()
+    if contact >= count[0] or row[contact, 0] < 0 or world[contact] != 0:
+        return
+    a, b = owner[0, geom[contact][0]], owner[0, geom[contact][1]]
+    low, high = wp.min(a, b), wp.max(a, b)
+    kind = int(-1)
+    if a == BODY or b == BODY:
+        if low == ELSE or high == TARGET:
+            kind = 0
+    elif low == ELSE and high == GRIPPER:
+        kind = 1
+    elif low == GRIPPER and high == TARGET:
+        kind = 2
+    if kind >= 0:
+        wp.atomic_add(sums, kind, wp.spatial_top(force[contact])[0])
+
+
+@wp.kernel
+def _raise(sums: wp.array(dtype=float), peaks: wp.array(dtype=float)):
+    i = wp.tid()
+    peaks[i] = wp.max(peaks[i], sums[i])

@@ -96,10 +96,14 @@ class Simulation:
         state: joint and body state before and after every `step` (always this same buffer).
         before: the same before the last physics step, in which its contacts were found.
         control: joint targets.
-        joint_q: joint coordinates [m or rad], torch view of state.joint_q, shape [world coord].
-        joint_qd: joint velocities, torch view of state.joint_qd, shape [world dof].
+        joint_q: joint coordinates [m or rad], torch view of state.joint_q, shape [world coord]; the arm's come first: those
+            of a base that drives, which the model has before them, are not among them.
+        joint_qd: joint velocities, torch view of state.joint_qd, shape [world dof], likewise.
         body_q: body poses (position, quaternion xyzw), torch view of state.body_q, shape [world body 7].
-        joint_target_q: joint targets, torch view of the control's, shape [world dof].
+        joint_target_q: joint targets, torch view of the control's, shape [world dof], likewise.
+        base_q: coordinates of a base that drives: x, y, yaw, lift [m, rad], torch view, shape [world 4]; [world 0] without one.
+        base_qd: their velocities [m/s, rad/s], likewise.
+        base_target_q, base_target_qd: targets of its joints and their velocities [m/s, rad/s], likewise.
         before_substep: what to call before every physics step; captured with it.
         after_substep: what to call after every physics step; captured with it. The solver forgets contacts and overflows in the
             next.
@@ -148,7 +152,7 @@ class Simulation:
                 self.part_coord = np.array([each.part_coord for each in layouts])[self.stage_of_env]
                 self.part_dof = np.array([each.part_dof for each in layouts])[self.stage_of_env]
                 if config.vary is not None:
-                    vary(self.model, self.layout, self.part_dof, config.vary)
+                    vary(self.model, self.layout, self.robot.base_joints, self.part_dof, config.vary)
             if with_robot or self.stage.is_live:
                 poses = self._paths(worlds)
                 config = self._with_capacity(config, poses)
@@ -161,10 +165,13 @@ class Simulation:
             newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
             self._resistance = hooks(self, worlds)
         self.before_substep: list[Callable[[], None]] = [*self._resistance]
-        self.joint_q = wp.to_torch(self.state.joint_q).view(num_envs, -1)
-        self.joint_qd = wp.to_torch(self.state.joint_qd).view(num_envs, -1)
+        first = self.robot.base_joints if with_robot else 0
+        whole = (self.state.joint_q, self.state.joint_qd, self.control.joint_target_q, self.control.joint_target_qd)
+        q, qd, target, speed = (wp.to_torch(each).view(num_envs, -1) for each in whole)
+        self.joint_q, self.joint_qd, self.joint_target_q = (each[:, first:] for each in (q, qd, target))
+        base = (each[:, :first] for each in (q, qd, target, speed))
+        self.base_q, self.base_qd, self.base_target_q, self.base_target_qd = base
         self.body_q = wp.to_torch(self.state.body_q).view(num_envs, -1, 7)
-        self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(num_envs, -1)
         self.after_substep: list[Callable[[], None]] = []
 
     def aim(self, stage: SimStage) -> None:
@@ -240,6 +247,16 @@ class Simulation:
             newton.eval_fk(model, wp.array(start, dtype=float), model.joint_qd, state)
             poses.append(state.body_q.numpy())
         return poses
+
+    def of_worlds(self, array: wp.array) -> wp.array:
+        """Return an array of all coordinates or velocities as shape [world coord], without those of a base that drives."""
+        return array.reshape((self.num_envs, -1))[:, self.robot.base_joints :]
+
+    def axis_of(self, part: str) -> tuple[int, int]:
+        """Return the columns of a part's, or free object's, first coordinate and velocity in `joint_q` and `joint_qd`."""
+        joint = self.stage.room.articulations.get(part)
+        coord, dof = axis_of(self.world, part, joint.joint.kind if joint else "prismatic")
+        return coord - self.robot.base_joints, dof - self.robot.base_joints
 
     def body(self, name: str) -> int:
         """Return the index of a body within a world."""

@@ -20,7 +20,8 @@ from s2a.sim.world import JointConfig, SimStage, axis_of, body_index
 class Layout:
     """Indices within a world."""
 
-    # number of the robot's driven joints; they are coordinates 0 to robot_joints - 1, the arm's first
+    # number of the robot's driven joints; they are coordinates 0 to robot_joints - 1, the arm's first: those of a base
+    # that drives are not counted
     robot_joints: int
     arm_joints: int  # number of the arm's
     home: tuple[float, ...]  # coordinates of the robot at the start of an episode [rad, m], shape [robot_joints]
@@ -37,16 +38,17 @@ class Layout:
 def layout(world: newton.ModelBuilder, robot: RobotSpec, stage: SimStage) -> Layout:
     """Return the indices of a world with a robot, built of a stage."""
     coord, dof = axis_of(world, stage.target, stage.joint.kind)
+    coord, dof = coord - robot.base_joints, dof - robot.base_joints
     left, right = (body_index(world, name) for name in robot.gripper.links)
-    root = body_index(world, robot.root_link)
+    root = body_index(world, "drive_base" if robot.drive else robot.root_link)
     return Layout(
         robot_joints=len(robot.joints),
         arm_joints=len(robot.arm_joints),
         home=robot.start,
         followers=tuple(
-            (world.joint_q_start[leader], float(world.joint_mimic_coeffs[i][1]))
+            (world.joint_q_start[leader] - robot.base_joints, float(world.joint_mimic_coeffs[i][1]))
             for i, leader in enumerate(world.joint_mimic_joint)
-            if leader >= 0 and world.joint_q_start[i] >= len(robot.joints)
+            if leader >= 0 and world.joint_q_start[i] >= robot.base_joints + len(robot.joints)
         ),
         robot_bodies=tuple(_below(world, root)),
         finger_bodies=(left, right),
@@ -90,17 +92,18 @@ class Variation:
     seed: CountFromZero
 
 
-def vary(model: newton.Model, layout: Layout, part_dof: np.ndarray, settings: Variation) -> None:
+def vary(model: newton.Model, layout: Layout, first: int, part_dof: np.ndarray, settings: Variation) -> None:
     """Multiply each world's values in a model that no solver has read yet.
 
-    `part_dof`: the part's velocity in each world, shape [world].
+    `first`: number of the joints of a base that drives, which come before all others; `part_dof`: the part's velocity in each
+    world, shape [world].
     """
     worlds, random = len(part_dof), np.random.default_rng(settings.seed)
 
     def factors(limits: Range) -> np.ndarray:
         return np.exp(random.uniform(np.log(limits[0]), np.log(limits[1]), worlds))
 
-    every, part = np.arange(worlds), (np.arange(worlds), part_dof)
+    every, part = np.arange(worlds), (np.arange(worlds), first + part_dof)
     _multiply(model.joint_friction, worlds, part, factors(settings.joint_friction))
     _multiply(model.joint_target_kd, worlds, part, factors(settings.joint_damping))
     mass, body = factors(settings.mass), (every, layout.part_body)
@@ -109,7 +112,7 @@ def vary(model: newton.Model, layout: Layout, part_dof: np.ndarray, settings: Va
     world = model.shape_world.numpy()
     friction = model.shape_material_mu.numpy()
     model.shape_material_mu.assign(friction * np.append(factors(settings.contact_friction), 1.0)[world])
-    gains, arm = factors(settings.gains)[:, None], (every[:, None], np.arange(layout.arm_joints)[None])
+    gains, arm = factors(settings.gains)[:, None], (every[:, None], first + np.arange(layout.arm_joints)[None])
     for array in ("joint_target_ke", "joint_target_kd"):
         _multiply(getattr(model, array), worlds, arm, gains)
 

@@ -12,6 +12,7 @@ import warp as wp
 
 from s2a.core.bounds import NotNegative
 from s2a.core.errors import InputError
+from s2a.robot import load
 from s2a.robot.model import add_robot
 from s2a.robot.spec import Gains, RobotSpec
 from s2a.scene.articulation import lever_arm, travel
@@ -19,7 +20,7 @@ from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd import sim_stage
-from s2a.scene.usd.sim_scene import ALL, DEFAULT_ROBOT, Articulation, SimRoom
+from s2a.scene.usd.sim_scene import ALL, DEFAULT_ROBOT, Articulation, Base, SimRoom
 from s2a.sim.room import Workspace, add_pedestal, add_room, kept_bodies, pedestal, workspace
 
 OPPOSED = -0.5  # Cosine between the forces of both fingers below which they pinch: more than 120 degrees apart
@@ -180,12 +181,14 @@ def stage_of(
     kept_bodies(room, (target, *(i for i in also if i != ALL)))
     bases = articulation.bases
     robot = robot or (DEFAULT_ROBOT if DEFAULT_ROBOT in bases or not bases else next(iter(bases)))
-    if robot not in bases:
+    drives = load(robot).drive is not None
+    if robot not in bases and not drives:
         others = f", but for: {', '.join(bases)}; give robot={next(iter(bases))}" if bases else ""
         raise InputError(
             f"{path}: part {target!r} has no base pose for robot {robot!r}{others}, or run s2a prepare robot={robot}"
         )
-    base, grasp = bases[robot], articulation.grasp
+    # One that drives finds its own.
+    base, grasp = Base((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) if drives else bases[robot], articulation.grasp
     return SimStage(
         path=path,
         target=target,
@@ -240,6 +243,7 @@ def build_world(
             gravity_compensation=gravity_compensation,
             realistic=realistic,
             coupled_fingers=coupled_fingers,
+            height=stage.pedestal[0],
         )
     _add_room(builder, stage, static=static_colliders, both_kinds=both_kinds)
     for part in stage.active:
@@ -277,7 +281,8 @@ def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool, bo
     doubled = [stage.target] if both_kinds else []
     opened = sim_stage.open_physics(stage.path)
     add_room(builder, stage.room, opened, stage.active, space=space, static=static, both_kinds=doubled)
-    stand = pedestal(stage.base, *stage.pedestal)
+    drives = load(stage.robot).drive is not None
+    stand = None if drives else pedestal(stage.base, *stage.pedestal)
     if static and stand is not None:
         add_pedestal(builder, stand)
 

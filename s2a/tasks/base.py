@@ -12,10 +12,13 @@ import warp as wp
 
 from s2a.core.bounds import AtLeast, CountFromZero, Fraction, NotNegative, Positive
 from s2a.core.errors import InputError
+from s2a.motion.floor import FreeFloor
 from s2a.robot.tool_path import PathSettings, ToolPath
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
-from s2a.sim.world import SimStage, read_stage
+from s2a.sim.world import SimStage, stage_of
 from s2a.tasks import state
 from s2a.tasks.kernels import observation_kernel, result_kernel
 from s2a.tasks.mdp import grasp
@@ -184,10 +187,20 @@ class Task:
 
     @staticmethod
     def read_stage(
-        path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any, motion: Any
+        path: Path,
+        part: str | None,
+        robot: str | None,
+        also: Sequence[str],
+        config: Any,
+        motion: Any,
+        room: SimRoom | None = None,
+        floor: FreeFloor | None = None,
     ) -> SimStage:
-        """Return the stage that the task of these settings is done in by a planner of these; see `s2a.sim.world.read_stage`."""
-        return read_stage(path, part, robot=robot, also=also)
+        """Return the stage that the task of these settings is done in by a planner of these; see `s2a.sim.world.read_stage`.
+
+        `room`: as it stands now, of which the path is the file; None: as it is there. `floor`: on which the robot drives.
+        """
+        return stage_of(path, room or sim_stage.read(path, visuals=False), part, robot=robot, also=also)
 
     @staticmethod
     def tool_path(stage: SimStage, motion: PathSettings, config: Any) -> ToolPath:
@@ -245,7 +258,7 @@ class Task:
         After an odd number of physics steps they are in the simulation's other buffer.
         """
         now = self.sim.state
-        return now.joint_q.reshape(state.joint_q.shape), now.body_q.reshape(state.body_q.shape)
+        return self.sim.of_worlds(now.joint_q), now.body_q.reshape(state.body_q.shape)
 
     def observe(self, state: State) -> None:
         """Write `state.observation`, and `state.privileged`."""

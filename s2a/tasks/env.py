@@ -182,7 +182,7 @@ class VecEnv:
 
     def _before_substep(self) -> None:
         """Let the targets move as the controller would."""
-        now = self.sim.state.joint_q.reshape(self.state.joint_q.shape)
+        now = self.sim.of_worlds(self.sim.state.joint_q)
         self._launch(kernels.move_targets, self.state, self._motion, now)
 
     def _after_substep(self) -> None:
@@ -233,7 +233,7 @@ def _motion(sim: Simulation, task: Task, demo: DemoStarts | None) -> kernels.Mot
     m.home, m.noise = wp.array(sim.layout.home, dtype=float), config.start_noise
     m.leader = wp.array([leader for leader, _ in sim.layout.followers], dtype=int)
     m.multiplier = wp.array([ratio for _, ratio in sim.layout.followers], dtype=float)
-    coords = sim.model.joint_q.numpy().reshape((sim.num_envs, -1))
+    coords = sim.of_worlds(sim.model.joint_q).numpy()
     m.start, m.part_coord = wp.array(task.start(coords), dtype=float), wp.array(sim.part_coord, dtype=int)
     m.stage = wp.array(sim.stage_of_env if demo else np.zeros(sim.num_envs), dtype=int)
     home = np.array([sim.layout.home])

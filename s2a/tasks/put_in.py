@@ -13,7 +13,7 @@ from s2a.motion.places import at_zero
 from s2a.motion.trajectory import Trajectory
 from s2a.scene.articulation import lever_arm, travel
 from s2a.sim.contacts import query_mesh
-from s2a.sim.world import SimStage, axis_of
+from s2a.sim.world import SimStage
 from s2a.tasks.base import Instruction, Results, terms
 from s2a.tasks.mdp import carrying, observations, rewards
 from s2a.tasks.pick_place import PickPlace, PickPlaceConfig, PickPlaceMetrics
@@ -105,7 +105,7 @@ class PutIn(PickPlace):
         goal = at_zero(stage.room, stage.part, stage.goal, stage.opened)
         self.surfaces.append(query_mesh(stage.surface))
         place.container, place.hulls = sim.body(stage.part), self.surfaces[1].id
-        place.coord = axis_of(sim.world, stage.part, part.joint.kind)[0]
+        place.coord = sim.axis_of(stage.part)[0]
         place.lever = lever_arm(part.joint, point)
         place.shut = self.config.closed_fraction * travel(part.joint, point) / place.lever
         place.goal = wp.transform(*goal[:3], *goal[3:])

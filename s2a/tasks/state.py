@@ -108,12 +108,13 @@ def allocate(sim: Simulation, observations: int, privileged: int, terms: int, re
     """
     s, n = State(), sim.num_envs
     s.joints, s.arm = sim.layout.robot_joints, sim.layout.arm_joints
-    s.joint_q, s.joint_qd = sim.state.joint_q.reshape((n, -1)), sim.state.joint_qd.reshape((n, -1))
-    s.body_q, s.target_q = sim.state.body_q.reshape((n, -1)), sim.control.joint_target_q.reshape((n, -1))
-    s.torque = sim.solver.mjw_data.qfrc_actuator
-    s.target_qd = sim.control.joint_target_qd.reshape((n, -1))
-    s.lower = wp.array(sim.model.joint_limit_lower.numpy()[: s.joints], dtype=float)
-    s.upper = wp.array(sim.model.joint_limit_upper.numpy()[: s.joints], dtype=float)
+    s.joint_q, s.joint_qd = sim.of_worlds(sim.state.joint_q), sim.of_worlds(sim.state.joint_qd)
+    s.body_q, s.target_q = sim.state.body_q.reshape((n, -1)), sim.of_worlds(sim.control.joint_target_q)
+    s.torque = sim.of_worlds(sim.solver.mjw_data.qfrc_actuator)
+    s.target_qd = sim.of_worlds(sim.control.joint_target_qd)
+    of_robot = slice(sim.robot.base_joints, sim.robot.base_joints + s.joints)
+    s.lower = wp.array(sim.model.joint_limit_lower.numpy()[of_robot], dtype=float)
+    s.upper = wp.array(sim.model.joint_limit_upper.numpy()[of_robot], dtype=float)
     s.internal = wp.array([int(sim.stages[i].internal) for i in sim.stage_of_env], dtype=int)
     s.errors, width = results, results + len(ERRORS)
     widths = {"requested_qd": s.joints, "action": s.joints, "observation": observations, "privileged": privileged}
@@ -341,4 +342,4 @@ def _resistance(sim: Simulation) -> np.ndarray:
     model, worlds = sim.model, np.arange(sim.num_envs)
     of_dof = [each.numpy().reshape(sim.num_envs, -1) for each in (model.joint_friction, model.joint_target_kd)]
     mass = model.body_mass.numpy().reshape(sim.num_envs, -1)[:, sim.layout.part_body]
-    return np.stack([*(each[worlds, sim.part_dof] for each in of_dof), np.log(mass)], axis=1)
+    return np.stack([*(each[worlds, sim.robot.base_joints + sim.part_dof] for each in of_dof), np.log(mass)], axis=1)

@@ -25,7 +25,6 @@ from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.simulation import Simulation
-from s2a.sim.world import axis_of
 from s2a.view.page.glb import clustered
 from s2a.view.page.room import Played, PlayedWorld
 
@@ -38,10 +37,13 @@ class States:
 
     rate: float  # frames a second
     robot: str  # its name
-    base: np.ndarray  # pose of its base, position [m] and quaternion xyzw, scene frame, shape [7]
+    # pose of its base, of one that drives that of the arm's root link at first with the lift down, position [m] and
+    # quaternion xyzw, scene frame, shape [7]
+    base: np.ndarray
     sha256: str  # of the room's file
     names: list[str]  # of the worlds
-    joints: list[np.ndarray]  # coordinates of the robot's joints [rad, m], for each world of shape [frame joint]
+    # coordinates of the robot's joints [rad, m], those of a base that drives first, for each world of shape [frame joint]
+    joints: list[np.ndarray]
     # coordinates of articulated parts by id [m or rad], for each world of shape [frame]
     parts: dict[str, list[np.ndarray]]
     objects: dict[str, list[np.ndarray]]  # poses of free objects by id, for each world of shape [frame 7]
@@ -71,9 +73,8 @@ class Watch:
         self._sim, stage = sim, sim.stage
         self._parts = [i for i in stage.active if i in stage.room.articulations]
         self._objects = [i for i in stage.active if i in stage.room.free]
-        joints = stage.room.articulations
         self._columns = [*range(sim.layout.robot_joints)]
-        self._columns += [axis_of(sim.world, i, joints[i].joint.kind)[0] for i in self._parts]
+        self._columns += [sim.axis_of(i)[0] for i in self._parts]
         self._bodies = [sim.body(i) for i in self._objects]
         self._q: list[np.ndarray] = []
         self._poses: list[np.ndarray] = []
@@ -241,14 +242,16 @@ def of_states(record: States, room: SimRoom) -> Played:
     """
     if other := {*record.parts} - {*room.articulations} | {*record.objects} - {*room.free}:
         raise InputError(f"{room.name} has no part {min(other)!r} that moves; give the room that the states are of")
-    if (count := len(robot.load(record.robot).joints)) != record.joints[0].shape[-1]:
+    spec = robot.load(record.robot)
+    if (count := spec.base_joints + len(spec.joints)) != record.joints[0].shape[-1]:
         raise InputError(
             f"the states have {record.joints[0].shape[-1]} joints, and {record.robot} has {count}; evaluate again"
         )
     with wp.ScopedDevice("cpu"):
         builder = newton.ModelBuilder()
         newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-        add_robot(builder, robot.load(record.robot), wp.transform(*record.base[:3], *record.base[3:]), visuals=True)
+        base, height = wp.transform(*record.base[:3], *record.base[3:]), spec.drive.mount[2] if spec.drive else 0.0
+        add_robot(builder, spec, base, visuals=True, height=height)
         bodies, links = _links(builder)
         model = builder.finalize()
         worlds = tuple(

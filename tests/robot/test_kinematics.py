@@ -40,14 +40,14 @@ def test_the_kinematics_are_those_of_the_simulated_robot(name: str) -> None:
     add_robot(builder, spec, wp.transform())
     model = builder.finalize(device="cpu")
     names = [label.split("/")[-1] for label in model.body_label]
-    rows = [names.index(link) for link in kin.links]
+    rows, base = [names.index(link) for link in kin.links], builder.joint_q[: spec.base_joints]
     for q in np.random.default_rng(0).uniform(kin.lower, kin.upper, (5, len(kin.lower))):
         state, fingers = model.state(), 2 * [spec.gripper.finger_joint_open]
-        newton.eval_fk(model, wp.array([*q, *fingers], dtype=float), model.joint_qd, state)
+        newton.eval_fk(model, wp.array([*base, *q, *fingers], dtype=float), model.joint_qd, state)
         found, poses = kin.frames(q[None])[0], state.body_q.numpy()[rows]
         assert found[:, :3, 3] == pytest.approx(poses[:, :3], abs=1e-6)
         assert found[:, :3, :3] == pytest.approx(Rotation.from_quat(poses[:, 3:]).as_matrix(), abs=1e-5)
-    limits = model.joint_limit_lower.numpy(), model.joint_limit_upper.numpy()
+    limits = [each.numpy()[len(base) :] for each in (model.joint_limit_lower, model.joint_limit_upper)]
     assert np.array(limits)[:, : len(kin.lower)] == pytest.approx(np.array([kin.lower, kin.upper]))
     assert np.array(limits)[:, len(kin.lower) :].T == pytest.approx(
         np.array(2 * [[0.0, spec.gripper.finger_joint_open]])

@@ -12,6 +12,7 @@ from s2a.core.provenance import provenance
 from s2a.language.ask import UsageLog
 from s2a.language.client import LlmConfig, choose, kind_of
 from s2a.language.do.episode import ExecutionConfig, Skills, execute, tasks_of
+from s2a.language.do.live import LiveRoom
 from s2a.language.do.plan import check_sentence
 from s2a.language.do.rules import rules
 from s2a.language.do.run import Result, RoomContext, do
@@ -23,6 +24,7 @@ from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.camera import CameraConfig
 from s2a.sim.depth_cameras import DepthCameraConfig
 from s2a.sim.simulation import SimConfig, device_of
+from s2a.view import states
 
 SENTENCE = "sentence"  # The key that the first argument gives, if that is no key=value
 
@@ -38,6 +40,7 @@ class Config:
             are what ids say.
         out: the do.json to write.
         images: folder for an image of the room after each skill, 1_open.png and so on, or null.
+        states: npz file for where everything was after every control step, of a robot that drives, which s2a view plays; or null.
         llm: the language model.
         record: a file for the model's answers, to replay them, or null.
         plan_only: Plan and check, and execute nothing.
@@ -45,7 +48,7 @@ class Config:
         replans: further plans of the model after a skill has failed.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: seed of the start noise.
-        robot: the robot that the stage was prepared for, such as panda or baxter.
+        robot: the robot that the stage was prepared for, such as panda or baxter; or one that drives, such as panda_mobile.
         sim: physics settings, the same for all skills.
         tasks: files of further tasks, each a skill by the name of its file (docs/new_task.md).
         skills: the task of each skill, and the thresholds of its metrics.
@@ -61,6 +64,7 @@ class Config:
     scene: Path | None
     out: Output
     images: Output | None
+    states: Output | None
     llm: LlmConfig
     record: Output | None
     plan_only: bool
@@ -97,18 +101,29 @@ def run(config: Config) -> str:
     context = RoomContext(room, described, config.robot.name, opening, skills)
     usage = UsageLog(config.llm.prices)
     replans = 0 if kind_of(config.llm) == "rules" else config.replans  # the rules have one plan a sentence
-    executor = None if config.plan_only else _executor(config, room)
+    live = None
+    if config.robot.drive is not None and not config.plan_only:
+        live = LiveRoom(config.stage, room, _settings(config))
+    elif config.states:
+        raise InputError(
+            "key 'states' is of a robot that drives and acts; give robot=panda_mobile, without plan_only=true"
+        )
+    executor = live.execute if live else None if config.plan_only else _executor(config, room)
     with atomic_write(config.out) as out:
         result = do(context, sentence, model, config.retries, replans, usage, executor)
-        out.write_text(json.dumps(_record(config, sentence, result, usage), indent=1, ensure_ascii=False) + "\n")
+        record = _record(config, sentence, result, usage) | (live.about() if live else {})
+        out.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    if live and config.states:
+        with atomic_write(config.states) as out:
+            states.write(live.states(not result.problem), out)
     if result.problem:
         raise CheckFailed(_summary(config, result))
     return _summary(config, result)
 
 
-def _executor(config: Config, room: sim_stage.SimRoom) -> Any:
-    """Return what executes a skill."""
-    settings = ExecutionConfig(
+def _settings(config: Config) -> ExecutionConfig:
+    """Return how skills are executed."""
+    return ExecutionConfig(
         config.robot.name,
         device_of(config.device),
         config.seed,
@@ -118,6 +133,11 @@ def _executor(config: Config, room: sim_stage.SimRoom) -> Any:
         config.camera,
         read_policy(config.policy, config.depth_camera) if config.policy else None,
     )
+
+
+def _executor(config: Config, room: sim_stage.SimRoom) -> Any:
+    """Return what executes a skill in an episode of its own."""
+    settings = _settings(config)
     known = {each.task.name for each in vars(config.skills).values()}
     if settings.policy and not settings.policy.world:
         raise InputError(

@@ -37,7 +37,7 @@ from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import Articulation, Collider, Quat, SimBody, SimRoom, in_scene
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.simulation import SimConfig, Simulation, device_of
-from s2a.sim.world import SimStage, axis_of
+from s2a.sim.world import SimStage
 from s2a.tasks.base import MdpConfig, Task
 from s2a.tasks.env import VecEnv
 
@@ -281,7 +281,7 @@ def _episode(
         env.lengthen(actor.episode_steps)
     env.reset_all()
     offsets = {i: 0.0 if i in own else q for i, q in state.joints.items()}
-    began = _read(sim, stage, offsets)
+    began = read_state(sim, stage.active, offsets)
     _refuse_jump(skill, room, state, began)
     record["began"] |= {**began.plain(), "arm": "at home, with start noise", "base": _rounded(stage.base)}
     metrics, ended = _simulate(env, actor, sim, stage, offsets, image, config)
@@ -289,7 +289,7 @@ def _episode(
     metric = task.RESULTS.success
     success = metrics[metric] == 1.0
     record |= {"ended": ended.plain(), "metric": metric, "metrics": metrics}
-    return Outcome(success, "" if success else _missed(skill, task, metrics), after)
+    return Outcome(success, "" if success else missed(skill, task, metrics), after)
 
 
 def _planner(
@@ -335,12 +335,12 @@ def _simulate(
     config: ExecutionConfig,
 ) -> tuple[dict[str, float], RoomChange]:
     """Step until the episode ends; return the task's metrics, and the state one control step before the end."""
-    ended, pose = _read(sim, stage, offsets), sim.joint_q[0].clone()
+    ended, pose = read_state(sim, stage.active, offsets), sim.joint_q[0].clone()
     for _ in range(env.max_episode_length):
         env.step(actor(env.observation.clone()))
         if env.done[0]:  # the world has been reset
             break
-        ended, pose = _read(sim, stage, offsets), sim.joint_q[0].clone()
+        ended, pose = read_state(sim, stage.active, offsets), sim.joint_q[0].clone()
     if image:
         with atomic_write(image) as file:
             Image.fromarray(Camera(stage, config.camera).image(pose)).save(file)
@@ -348,13 +348,13 @@ def _simulate(
     return {name: round(value, 5) for name, value in zip(env.columns, values, strict=True)}, ended
 
 
-def _read(sim: Simulation, stage: SimStage, offsets: dict[str, float]) -> RoomChange:
+def read_state(sim: Simulation, active: Iterable[str], offsets: Mapping[str, float]) -> RoomChange:
     """Return coordinates and poses of what moves in world 0; `offsets`: coordinates that the file calls zero."""
     joints, objects = {}, {}
     coords, bodies = sim.joint_q[0].cpu().numpy(), sim.body_q[0].cpu().numpy()
-    for i in stage.active:
-        if i in stage.room.articulations:
-            at = axis_of(sim.world, i, stage.room.articulations[i].joint.kind)[0]
+    for i in active:
+        if i in sim.stage.room.articulations:
+            at = sim.axis_of(i)[0]
             joints[i] = float(coords[at]) + offsets.get(i, 0.0)
         else:
             objects[i] = tuple(map(float, bodies[sim.body(i)]))
@@ -379,7 +379,7 @@ def riders(room: SimRoom, part: str) -> list[str]:
     return [i for i, body in room.free.items() if np.all((low <= body.position) & (np.array(body.position) <= high))]
 
 
-def _missed(skill: Skill, task: type[Task], metrics: dict[str, float]) -> str:
+def missed(skill: Skill, task: type[Task], metrics: dict[str, float]) -> str:
     """Return why a skill does not count as done: the metric, and the values; the record has all metrics."""
     values = ", ".join(f"{name.replace('_', ' ')} {metrics[name]:g}" for name in task.RESULTS.values)
     failed = [name for name in task.RESULTS.rates if name in task.RESULTS.logged and not metrics[name]]

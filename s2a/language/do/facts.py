@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from s2a import robot as robots
 from s2a.core.errors import InputError, printable
 from s2a.motion.obstacles import Obstacles
 from s2a.scene.articulation import opening_direction
@@ -47,7 +48,8 @@ class RoomPart:
     touches: tuple[str, ...] = ()  # ids of the furniture at its sides, of a front that is drawn without any
     open: float = 0.0  # path by which its grasp point stands open [m]; 0 where it is shut or does not move
     colors: tuple[str, ...] = ()  # names of COLORS of much of its surface; empty where they are not known
-    base: bool = False  # The robot has a collision-free base pose for it, of what moves on a joint
+    # The robot has a collision-free base pose for it, of what moves on a joint, or drives and looks for one
+    base: bool = False
 
     @property
     def moves(self) -> bool:
@@ -150,7 +152,7 @@ def _thing(
         kind = "slides" if joint.joint.kind == "prismatic" else "turns"
         ahead = opening_direction(joint.joint, np.array(joint.grasp.point))
         facing = (round(float(ahead[0]), 2) + 0.0, round(float(ahead[1]), 2) + 0.0)
-        base = robot in joint.bases and joint.bases[robot].free
+        base = robots.load(robot).drive is not None or (robot in joint.bases and joint.bases[robot].free)
     center, size = (described.center, described.size) if described and kind == "fixed" else (None, None)
     if center is None and points is not None:
         box = upright_box(points)

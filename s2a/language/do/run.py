@@ -45,7 +45,8 @@ class Checker:
     def __init__(self, context: RoomContext, room: SimRoom, facts: Facts) -> None:
         """Keep the context, the room as it stands now, and its facts."""
         self._room, self._facts, self._opening, self._skills = room, facts, context.opening, context.skills
-        self._reach = 2.0 * robots.load(context.robot).base.reach
+        robot = robots.load(context.robot)
+        self._reach, self._drives = 2.0 * robot.base.reach, robot.drive is not None
         self.passed: list[str] = []
 
     def __call__(self, plan: SkillPlan) -> None:
@@ -69,7 +70,7 @@ class Checker:
         if words.begins not in (None, was):
             raise ValidationFeedback(f"{part.id!r} is {was} already.")
         self._is_open[part.id] = (words.leaves or was) == "open"
-        return f"{part.kind}, was {was}, has a free base pose"
+        return f"{part.kind}, was {was}, {'its base is searched' if self._drives else 'has a free base pose'}"
 
     def _placed(self, skill: Skill) -> str:
         """Check that an object can be picked and placed on a support."""
@@ -79,11 +80,12 @@ class Checker:
             remedy = f"{into[0]} puts things into it" if support.moves and into else "it would move"
             raise ValidationFeedback(f"{support.id!r} is no fixed support: {remedy}.")
         near = Obstacles.of_room(self._room, {object.id}, np.array(self._room.free[object.id].position))
-        if not near.hulls_of(support.id):
+        if not self._drives and not near.hulls_of(support.id):
             raise ValidationFeedback(
                 f"{object.id!r} cannot be put on {support.id!r} by an arm that stands still: it is more than 2 m away."
             )
-        self._near(object, support)
+        if not self._drives:
+            self._near(object, support)
         self._on[object.id] = support.id
         return f"free, within reach; {support.id} is fixed, {_gap(object, support):.2f} m away"
 
@@ -113,7 +115,7 @@ class Checker:
             names = ", ".join(i for i, thing in self._facts.items() if thing.moves)
             raise ValidationFeedback(f"{part.id!r} does not open; what opens: {names or 'nothing'}.")
         for carrier in self._room.carriers(part.id):
-            if self._is_open.get(carrier):
+            if self._is_open.get(carrier) and not self._drives:
                 raise ValidationFeedback(
                     f"{part.id!r} hangs on {carrier!r}, which is open: base poses are of the shut one."
                 )

@@ -23,7 +23,7 @@ from s2a.scene.artefacts import DATASET, DATASET_STAGE
 from s2a.scene.usd import sim_stage
 from s2a.sim.camera import CAMERAS, Views
 from s2a.sim.recorder import Recorder
-from s2a.sim.world import SimStage, axis_of
+from s2a.sim.world import SimStage
 from s2a.tasks.env import VecEnv
 
 UNFINISHED = ".unfinished_"  # What the names of folders with images of episodes that are not finished begin with
@@ -197,9 +197,8 @@ class Collector:
         }
         columns = {name: tuple(each) for name, each in columns.items() if len(each)}
         self.features = Features(spec.name, fps, columns, CAMERAS, size, position_limits(spec), world)
-        joints = stage.room.articulations
         self.encoded = 0
-        self._coords = [axis_of(sim.world, i, joints[i].joint.kind)[0] for i in self._parts]
+        self._coords = [sim.axis_of(i)[0] for i in self._parts]
         self._bodies = [sim.body(i) for i in self._objects]
 
     @property

@@ -1,0 +1,110 @@
+"""Sentences executed by a robot that drives, each in one simulation of a live room: does it end right, and what is hit how hard?
+
+    python experiments/driven.py ROOMS [--count 50] [--jobs 4] [--seed 0] [--out FOLDER]
+
+ROOMS holds NAME/room.usd for each room (`skill_rooms.py` writes such a folder). The sentences name ids, so that their plans are
+right: parts that are opened, opened and closed, two parts one after the other, objects that are put on what carries another
+object, or into a drawer. They are drawn by the seed, as many of each room, whatever the robot can reach. Prints a line a sentence
+and writes driven.json: what came of each, its peaks of base and contact forces, and jumps between control steps.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from insertion_study import RESULTS
+from skill_rooms import message, s2a
+
+from s2a.core.provenance import provenance
+from s2a.language.do.facts import gather
+from s2a.scene.usd import sim_stage
+
+LIMIT = 20.0  # [N] Of contact forces of base and arm, and of the gripper outside of its grasp
+
+
+def main() -> None:
+    """Execute the sentences and write what came of them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("rooms", type=Path)
+    parser.add_argument("--only", nargs="*")
+    parser.add_argument("--count", type=int, default=50)
+    parser.add_argument("--jobs", type=int, default=4)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--robot", default="panda_mobile")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    args = parser.parse_args()
+    names = args.only or sorted(path.parent.name for path in args.rooms.glob("*/room.usd"))
+    each = [sentences(args.rooms / name / "room.usd", args.seed, -(-args.count // len(names))) for name in names]
+    rows = [{"room": name, "sentence": one} for name, some in zip(names, each, strict=True) for one in some]
+    with ThreadPoolExecutor(args.jobs) as pool:
+        list(pool.map(lambda row: execute(row, args), rows))
+    planned = [row for row in rows if row["skills"]]
+    counts = {
+        "sentences": len(rows),
+        "with a plan that was simulated": len(planned),
+        "done": sum(row["done"] for row in rows),
+        "with a jump": sum(bool(row["jumps"]) for row in planned),
+        f"base or arm above {LIMIT:.0f} N": sum(row["body"] > LIMIT for row in planned),
+    }
+    about = {**provenance(args.device), "seed": args.seed, "robot": args.robot, **counts}
+    (args.out / "driven.json").write_text(json.dumps({**about, "rows": rows}, indent=1) + "\n")
+    print(counts)
+
+
+def sentences(stage: Path, seed: int, count: int) -> list[str]:
+    """Return different sentences of a room."""
+    room, draw = sim_stage.read(stage, visuals=False), random.Random(f"{stage.parent.name} {seed}")
+    facts = gather(room, None, {}, "panda")
+    parts, objects = list(room.articulations), list(room.free)
+    drawers = [i for i in parts if room.articulations[i].joint.kind == "prismatic"]
+    supports = sorted({str(facts[i].on) for i in objects if facts[i].on and facts[str(facts[i].on)].kind == "fixed"})
+    every = [f"open {i}" for i in parts] + [f"open {i} and then close {i}" for i in parts]
+    every += [f"open {a} and then open {b}" for a in parts for b in parts if a != b]
+    placed = [f"put {o} on {s}" for o in objects for s in supports if s != facts[o].on]
+    placed += [f"put {o} into {d}" for o in objects for d in drawers]
+    draw.shuffle(every)
+    draw.shuffle(placed)
+    half = min(len(placed), count // 2)
+    return [*placed[:half], *every[: count - half]]
+
+
+def execute(row: dict[str, Any], args: argparse.Namespace) -> None:
+    """Do a sentence, and note what came of it."""
+    out = args.out / "driven" / f"{row['room']}_{row['sentence'].replace(' ', '_')}.json"
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.unlink(missing_ok=True)  # a refusal leaves an earlier record as it was
+    begun, stage = time.perf_counter(), args.rooms / row["room"] / "room.usd"
+    keys = [
+        f"robot={args.robot}",
+        f"stage={stage}",
+        "llm=rules",
+        f"device={args.device}",
+        f"seed={args.seed}",
+        f"out={out}",
+    ]
+    ended = s2a("do", row["sentence"], *keys, check=False)
+    record = json.loads(out.read_text()) if out.exists() else {}
+    tries = [one for skill in record.get("skills", []) for one in skill["tries"] if "contacts" in one]
+    row |= {
+        "done": bool(record.get("done")),
+        "problem": record["problem"] if record else message(ended),
+        "skills": len(tries),
+        "jumps": record.get("jumps", {}),
+        "base_peaks": record.get("base_peaks", {}),
+        "body": max((one["contacts"]["body"] for one in tries), default=0.0),
+        "gripper": max((one["contacts"]["gripper"] for one in tries), default=0.0),
+        "robot_seconds": record.get("robot_seconds", 0.0),
+        "seconds": round(time.perf_counter() - begun, 1),
+    }
+    print(row["room"], row["sentence"], row["seconds"], row["problem"] or "done", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -25,7 +25,7 @@ GRASPS, BASES, PAIRS = 16, 24, 96  # Grasps and bases that are tried, and pairs 
 SOLVING = 1000  # Comparisons of a sphere with the room that take as long as inverse kinematics of a base and a grasp
 BLOCK = 256  # Grasps that are looked at together
 ENOUGH = 8  # Grasps of different directions from which no more are looked for
-LEAST = 512  # Grasps of which the one that comes nearest to being clear is named where none is
+SAMPLED = 512  # Grasps of which the one that comes nearest to being clear is named where none is
 # [m] More than needed, by which arm and held object keep from the room where that can be done: an arm lags behind its
 # motion and cuts its corners, by 2 cm before a mirror cabinet, and an object that has slipped by a few millimetres
 # met what it was to pass
@@ -234,11 +234,11 @@ class PickPlanner:
         yield from tight
 
     def _least(self, tried: list[ObjectGrasps]) -> float:
-        """Return the penetration depth [m] of the grasp nearest to being clear, of up to LEAST of each; inf of none."""
+        """Return the penetration depth [m] of the grasp nearest to being clear, of up to SAMPLED of each; inf of none."""
         least = math.inf
         for grasps in tried:
             count = len(grasps.tool)
-            for block in chunks(iter(range(0, count, math.ceil(max(count, 1) / LEAST))), BLOCK):
+            for block in chunks(iter(range(0, count, math.ceil(max(count, 1) / SAMPLED))), BLOCK):
                 least = min(least, float(self.depth(grasps[block], least).min()))
                 if self._spend():
                     return least

@@ -46,7 +46,7 @@ from s2a.sim.world import SimStage
 from s2a.tasks.env import VecEnv
 from s2a.view.states import States
 
-TRIES = 2  # Of a skill that fails
+ATTEMPTS = 2  # Of a skill that fails
 BACK, BACK_POSES = 0.1, 6  # [m] By which the gripper draws back where the arm finds no path home, in so many poses
 FINGERS = 0.8  # [s] In which the fingers open as a skill begins
 
@@ -153,7 +153,7 @@ class LiveRoom:
         """Drive to where a skill can be done, and do it; where that fails, once more from how the room is then."""
         start = time.perf_counter()
         record: dict[str, Any] = {**vars(skill), "began": {"step": len(self.frames.q)}, "tries": []}
-        for _ in range(TRIES):
+        for _ in range(ATTEMPTS):
             attempt: dict[str, Any] = {"step": len(self.frames.q)}
             try:
                 outcome = self._try(skill, attempt)

@@ -1,10 +1,12 @@
-"""Are boxes and masses of a real scan's objects those that a person measures? scene0000_00 of ScanNet, 55 objects.
+"""Are boxes of a real scan's objects those that a person measures, and masses those that a person estimates? scene0000_00
+of ScanNet, 55 objects.
 
     python experiments/real_boxes.py --scan captures/scene0000_00
 
 Reads experiments/results/real_boxes_by_hand.json. A box counts if each side is within 20 % or 4 cm of the measured one, whichever
 is more (a voxel of the scan is 1 to 2 cm); with the labels as they are, and without what they spill onto. A mass counts within a
-factor of two; of all that has one, and of what one person carries, up to HEAVY. Writes experiments/results/real_boxes.json.
+factor of two of a person's estimate from remembered data sheets; nothing was weighed. Of all that has one, and of what one
+person carries, up to HEAVY. Writes experiments/results/real_boxes.json.
 """
 
 import argparse
@@ -69,7 +71,7 @@ def compared(scene: Scene, measured: dict[str, dict]) -> dict[str, dict]:
 
 
 def weighed(scene: Scene, measured: dict[str, dict]) -> dict[str, dict]:
-    """Return each object's mass as a free object [kg], and whether it is within a factor of two of the measured one."""
+    """Return each object's mass as a free object [kg], and whether it is within a factor of two of the estimate."""
     free = config.load(Config, config.compose("prepare", ["stage=x", "targets=all", "out=y"])).prepare.free
     rows = {}
     for name, each in measured.items():

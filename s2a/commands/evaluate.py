@@ -190,7 +190,8 @@ def _about(config: Config, env: VecEnv) -> dict[str, Any]:
 
 def variation(task: MdpConfig, sim: SimConfig) -> list[str]:
     """Return in what worlds of one part differ; where in nothing, they are copies and their interval is of one episode."""
-    moved = [getattr(task, key, 0.0) for key in ("start_shift", "start_turn")]  # of tasks that move an object
+    moves_object = hasattr(task, "start_shift")
+    moved = [getattr(task, key, 0.0) for key in ("start_shift", "start_turn")]
     errors = [getattr(task, key, (0.0, 0.0)) for key in ("grasp_error", "grasp_turn")]  # of tasks with a handle
 
     def drawn_in(name: str) -> bool:
@@ -200,8 +201,8 @@ def variation(task: MdpConfig, sim: SimConfig) -> list[str]:
         "start": task.start_noise > 0.0 or any(moved),
         "action delay": task.action_delay[0] < task.action_delay[1],
         "observed grasp": any(most > 0.0 for _, most in errors),
-        "joint friction": drawn_in("joint_friction"),
-        "joint damping": drawn_in("joint_damping"),
+        "joint friction": drawn_in("joint_friction") and not moves_object,
+        "joint damping": drawn_in("joint_damping") and not moves_object,
         "mass": drawn_in("mass"),
         "contact friction": drawn_in("contact_friction"),
         "gains": drawn_in("gains"),

@@ -366,7 +366,7 @@ def failure(target: str, nearest: float, size: float, misses: Misses, spec: Robo
         return ungraspable(target, size, spec)
     if nearest > 0.0:
         return Unreachable(
-            f"{target!r}: grasp: with {1000 * AROUND:.0f} mm around it the gripper reaches {1000 * nearest:.0f} mm or more "
+            f"{target!r}: grasp: with {1000 * AROUND:.0f} mm around it the gripper reaches about {max(1000 * nearest, 1):.0f} mm "
             f"into what is around the object or its place; choose a place with more room around it{ended}"
         )
     return Unreachable(f"{target!r} cannot be picked and placed so: {misses.nearest}{ended}")

@@ -149,7 +149,7 @@ class SimConfig:
         limits: limits to which the arm's controller keeps; null: none, and targets move as far as the task's action asks.
         joint: resistance of the target's joint.
         vary: differences between worlds; null: none.
-        grip_stiffness: position gain of the finger joints [N/m], instead of that of the gains; null: theirs.
+        grip_stiffness: position gain of each finger at its pad [N/m], instead of that of the gains; null: theirs.
         coupled_fingers: one motor drives both, where the gripper has but one. Two that press with all their force yield to any
             push along their common axis. Motion limits with drives have it too.
     """
@@ -185,7 +185,9 @@ class SimConfig:
     def gains_of(self, robot: RobotSpec) -> Gains:
         """Return the gains of a robot's position controller."""
         gains = self.gains or robot.gains
-        return gains if self.grip_stiffness is None else replace(gains, finger_stiffness=self.grip_stiffness)
+        if self.grip_stiffness is None:
+            return gains
+        return replace(gains, finger_stiffness=self.grip_stiffness * robot.gripper.ratio**2)
 
 
 def make_solver(model: newton.Model, config: SimConfig, **options: Any) -> newton.solvers.SolverMuJoCo:

@@ -244,7 +244,7 @@ def test_a_quick_command_imports_nothing_slow(module: str, heavy: list[str]):
 def test_what_a_command_imports_is_frozen_once_and_the_collector_goes_on() -> None:
     code = """
 import gc
-from s2a.commands import cli, usage
+from s2a.commands import cli
 cli._module("view")
 frozen = gc.get_freeze_count()
 cli._module("view")

@@ -36,6 +36,7 @@ DRAWN = ["joint friction", "joint damping", "mass", "contact friction"]
         (["task=open_part", "sim=varied"], ["start", *DRAWN, "gains"]),
         (["task=close_part", "sim=planner", "task.start_noise=0"], []),
         (["task=open_part", "sim=planner", "task.grasp_turn=[0,2]"], ["start", "observed grasp"]),
+        (["task=pick_place"], ["start", "mass", "contact friction"]),
         (["task=pick_place", "sim=pick_place"], ["start"]),
         (["task=pick_place", "sim=pick_place", "task.start_noise=0"], []),
         (["task=put_in", "sim=put_in", "task.start_noise=0", "task.start_turn=0.2"], ["start"]),

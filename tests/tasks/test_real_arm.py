@@ -10,6 +10,7 @@ from cabinet import write_cabinet
 from part_worlds import make_env
 from settings import load
 
+from s2a import robot
 from s2a.learn.evaluate import baseline, evaluate
 from s2a.motion.policy import Planner
 from s2a.motion.trajectory import PlannerConfig
@@ -119,6 +120,14 @@ def test_fingers_may_be_coupled_without_the_drives(stage: SimStage) -> None:
     coupled, real = (Simulation(stage, each, 1).world for each in settings)
     assert coupled.joint_mimic_joint == real.joint_mimic_joint
     assert coupled.joint_armature != real.joint_armature
+
+
+@pytest.mark.parametrize("sim", ["planner_varied", "pick_place"])
+def test_fingers_that_turn_press_as_those_that_slide(sim: str) -> None:
+    panda = robot.load("panda")
+    turning = replace(panda, gripper=replace(panda.gripper, finger_joint_open=0.8))  # 0.05 m of a pad's path for a radian
+    gains = [load(SimConfig, f"sim/{sim}").gains_of(each).finger_stiffness for each in (panda, turning)]
+    assert gains == pytest.approx([6000.0, 15.0])
 
 
 @pytest.mark.parametrize("coupled", [True, False])

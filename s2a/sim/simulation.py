@@ -131,6 +131,7 @@ class Simulation:
         self.stages = [stages] if isinstance(stages, SimStage) else list(stages)
         self.stage, self.config, self.num_envs, self.device = self.stages[0], config, num_envs, device
         self.stage_of_env = np.arange(num_envs) % len(self.stages)
+        self._moving = {*self.stage.active}
         robots = {stage.robot: stage for stage in reversed(self.stages)}
         if len(robots) > 1:
             one, other = list(robots.values())[:2]
@@ -179,12 +180,12 @@ class Simulation:
 
         What the last task has called before and after every physics step is called no more.
 
-        `stage`: of the same room with the same parts and objects moving; others of it may be where they are now.
+        `stage`: of the same room; what moves in it may be where it is now.
 
         Raises:
             InputError: another file; something that does not move here; worlds of several stages.
         """
-        missing = {stage.target, *stage.active} - set(self.stage.active)
+        missing = {*stage.active} - self._moving
         if stage.path != self.stage.path or missing or len(self.stages) > 1:
             raise InputError(
                 f"{stage.path}: {', '.join(sorted(missing)) or stage.target} does not move in these worlds of "

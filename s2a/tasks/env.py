@@ -80,7 +80,14 @@ class VecEnv:
             demo: episodes that start on a demonstration; None: none does.
             final_observation: keep the last observation of every episode.
             continues: episodes begin where the worlds are, and end without a reset of robot and room.
+
+        Raises:
+            InputError: episodes continue, and are to start elsewhere.
         """
+        moved = [name for name in ("start_shift", "start_turn") if getattr(task.config, name, 0.0)]
+        if continues and (demo or moved):
+            reason = "demonstrations" if demo else f"key 'task.{moved[0]}'"
+            raise InputError(f"{reason} would move what episodes that continue begin with; leave it out")
         self.sim, self.task, self.columns = sim, task, (*task.RESULTS.names, *ERRORS)
         self.num_envs, self.num_actions = sim.num_envs, sim.layout.robot_joints
         self.max_episode_length, self.seed, self._graph = task.config.episode_steps, seed, graph
@@ -105,7 +112,7 @@ class VecEnv:
         self._begin()
 
     def lengthen(self, steps: int) -> None:
-        """Let an episode last at least `steps` control steps; a longer one begins all worlds again, as they were made."""
+        """Let an episode last at least `steps` control steps; a longer one begins all worlds again: an episode's start."""
         if steps <= self.max_episode_length:
             return
         self.max_episode_length = steps

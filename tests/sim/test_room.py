@@ -25,6 +25,7 @@ from s2a.scene.usd.sim_scene import ALL, Base, Collider
 from s2a.sim.simulation import SimConfig, Simulation, boxes, boxes_at
 from s2a.sim.world import JointConfig, axis_of, build_world, read_stage
 from s2a.tasks import make_env
+from s2a.tasks.env import DemoStarts
 from s2a.tasks.open_part import OpenPartConfig, OpenPartMetrics
 
 FREE = JointConfig(0.0, 0.0, "grasp")
@@ -243,6 +244,9 @@ def test_the_next_task_goes_on_where_the_last_one_ended(path: Path) -> None:
     action = torch.full((2, first.num_actions), 0.1)
     first.step(action)
     before = sim.snapshot()
+    with pytest.raises(InputError, match="demonstrations would move"):
+        make_env(sim, task, metrics, {}, 0, continues=True, demo=DemoStarts([], 0.0, 0.0))
+    sim.aim(replace(stages[1], also=()))
     sim.aim(stages[1])
     env = make_env(sim, task, metrics, {}, 0, continues=True)
     assert all(torch.equal(sim.snapshot()[name], value) for name, value in before.items())

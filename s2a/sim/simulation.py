@@ -180,16 +180,22 @@ class Simulation:
 
         What the last task has called before and after every physics step is called no more.
 
-        `stage`: of the same room; what moves in it may be where it is now.
+        `stage`: of the same room and robot, at the same base unless that drives; what moves may be where it is now.
 
         Raises:
-            InputError: another file; something that does not move here; worlds of several stages.
+            InputError: another file, robot or base; something that does not move here; worlds of several stages.
         """
         missing = {*stage.active} - self._moving
         if stage.path != self.stage.path or missing or len(self.stages) > 1:
             raise InputError(
                 f"{stage.path}: {', '.join(sorted(missing)) or stage.target} does not move in these worlds of "
                 f"{self.stage.path}; make them with also={ALL}"
+            )
+        stays = self.robot.drive is not None or np.allclose(stage.base, self.stage.base, atol=1e-6)
+        if stage.robot != self.stage.robot or not stays:
+            raise InputError(
+                f"{stage.path}: the robot {self.stage.robot} of these worlds stands at {np.round(self.stage.base[:3], 2)} m, "
+                f"and {stage.target!r} is for {stage.robot} at {np.round(stage.base[:3], 2)} m; plan it from where the robot stands"
             )
         self.stage, self.stages, self.layout = stage, [stage], layout(self.world, self.robot, stage)
         self.part_coord, self.part_dof = (

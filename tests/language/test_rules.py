@@ -150,6 +150,7 @@ def test_quantities_and_conditions_are_refused(word: str) -> None:
 def test_a_drawer_of_furniture_is_its_own_before_that_of_furniture_below_it() -> None:
     facts = FACTS | {"drawer_20": drawer("drawer_20", "desk_1", -0.4, 0.4)}
     assert [skill.words for skill in planned("open the top drawer of the desk", facts).skills] == ["open drawer_20"]
+    assert planned("open the drawer under the desk", facts).refusal == "ambiguous"
 
 
 def test_an_object_is_told_from_another_by_what_it_stands_on() -> None:

@@ -236,6 +236,7 @@ def test_no_shape_of_a_live_room_leaves_the_box_that_decides_what_it_may_meet(pa
 
 def test_the_next_task_goes_on_where_the_last_one_ended(path: Path) -> None:
     stages = [read_stage(path, part, also=(ALL,)) for part in ("drawer_7", "door_5")]
+    stages[1] = replace(stages[1], base=stages[0].base)  # the robot stays where it stands
     sim = Simulation(stages[0], load(SimConfig, "sim/pick_place"), 2)
     task, metrics = load(OpenPartConfig, "task/open_part", episode_steps=4), load(OpenPartMetrics, "metrics/open_part")
     first = make_env(sim, task, metrics, {}, 0)
@@ -246,6 +247,8 @@ def test_the_next_task_goes_on_where_the_last_one_ended(path: Path) -> None:
     before = sim.snapshot()
     with pytest.raises(InputError, match="demonstrations would move"):
         make_env(sim, task, metrics, {}, 0, continues=True, demo=DemoStarts([], 0.0, 0.0))
+    with pytest.raises(InputError, match="plan it from where the robot stands"):
+        sim.aim(replace(stages[1], base=stages[1].base + [0.1, 0, 0, 0, 0, 0, 0]))
     sim.aim(replace(stages[1], also=()))
     sim.aim(stages[1])
     env = make_env(sim, task, metrics, {}, 0, continues=True)

@@ -244,7 +244,9 @@ def _named(wanted: Phrase, facts: Facts) -> list[str]:
         if not around:  # "paper towel": of a compound all is named
             name = inner.noun if context == wanted.context else wanted.noun
             raise Unresolved("unknown", f"nothing in the room is called {name!r}")
-        within = belonging(parts, around, facts) if relation in ("of", "below") else []
+        within = belonging(parts, around, facts) if relation == "of" else []
+        if relation == "below":
+            within = [i for i in parts if belongs(i, around, facts)]
         within = within or (_beside(parts, around, relation, facts) if relation != "of" else [])
         if not within and parts:
             words = "belongs to" if relation == "of" else f"is {relation}{' of' if relation in SIDES else ''}"

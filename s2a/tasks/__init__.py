@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import gymnasium
 import warp as wp
 
+from s2a import robot as robots
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.motion.trajectory import PlannerConfig
@@ -101,8 +102,10 @@ def read_stages(
         motion: the planner's settings.
 
     Raises:
-        InputError: as the task's; an unphysical room; an index of which something is to be chosen.
+        InputError: as the task's; an unphysical room; an index of which something is to be chosen; a robot that drives.
     """
+    if robot and robots.load(robot).drive is not None:
+        raise InputError(f"robot {robot!r} drives, which s2a do alone lets it; give one that stands still, robot={DEFAULT_ROBOT}")
     if not pool.is_index(path):
         refuse_unphysical(path)
         return [kind.read_stage(path, part, robot, also, config, motion)]

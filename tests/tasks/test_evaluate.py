@@ -47,6 +47,12 @@ def test_what_worlds_differ_in_is_known_for_each_task(keys: list[str], differ: l
     assert verb.variation(asked.task, asked.sim) == differ
 
 
+def test_a_robot_that_drives_is_not_put_at_the_origin(tmp_path: Path) -> None:
+    stage = write_cabinet(tmp_path / "sim.usda")
+    with pytest.raises(InputError, match="'panda_mobile' drives.* robot=panda"):
+        settings(f"stage={stage}", "out=x.json", "robot=panda_mobile").read_stages()
+
+
 def test_another_seed_draws_other_worlds() -> None:
     first, other = (settings("stage=room.usd", "out=x.json", f"seed={seed}").sim.vary for seed in (3, 4))
     assert first and other and (first.seed, other.seed) == (3, 4)

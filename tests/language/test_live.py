@@ -3,8 +3,26 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.language.commands import do
 from s2a.language.do.live import LiveFrames
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        (("robot=panda_mobile", "images=shown"), "'images' is of a robot that stands still"),
+        (("robot=panda_mobile", "policy=pretrained"), "'policy' is of a robot that stands still"),
+        (("states=s.npz",), "'states' is of a robot that drives"),
+    ],
+)
+def test_what_a_robot_cannot_do_is_not_left_out_silently(keys: tuple[str, ...], message: str) -> None:
+    values = config.compose("do", ["sentence=open drawer_2", "stage=room.usd", "out=do.json", *keys])
+    with pytest.raises(InputError, match=message):
+        do.run(config.load(do.Config, values))
 
 
 def test_a_teleport_is_found_and_a_fast_motion_is_none() -> None:

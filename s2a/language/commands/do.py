@@ -92,6 +92,13 @@ def run(config: Config) -> str:
     sentence = check_sentence(config.sentence)
     if config.images and config.images.exists() and not config.images.is_dir():
         raise InputError(f"key 'images' is {str(config.images)!r}, a file; give a folder")
+    drives = config.robot.drive is not None and not config.plan_only
+    if not drives and config.states:
+        raise InputError(
+            "key 'states' is of a robot that drives and acts; give robot=panda_mobile, without plan_only=true"
+        )
+    if drives and (name := "images" if config.images else "policy" if config.policy else ""):
+        raise InputError(f"key {name!r} is of a robot that stands still; leave it out, or give robot=panda")
     refuse_unphysical(config.stage)
     model = choose(config.llm, config.record, rules)
     described = descriptive.read(config.scene) if config.scene else None
@@ -101,19 +108,13 @@ def run(config: Config) -> str:
     context = RoomContext(room, described, config.robot.name, opening, skills)
     usage = UsageLog(config.llm.prices)
     replans = 0 if kind_of(config.llm) == "rules" else config.replans  # the rules have one plan a sentence
-    live = None
-    if config.robot.drive is not None and not config.plan_only:
-        live = LiveRoom(config.stage, room, _settings(config))
-    elif config.states:
-        raise InputError(
-            "key 'states' is of a robot that drives and acts; give robot=panda_mobile, without plan_only=true"
-        )
+    live = LiveRoom(config.stage, room, _settings(config)) if drives else None
     executor = live.execute if live else None if config.plan_only else _executor(config, room)
     with atomic_write(config.out) as out:
         result = do(context, sentence, model, config.retries, replans, usage, executor)
         record = _record(config, sentence, result, usage) | (live.about() if live else {})
         out.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
-    if live and config.states:
+    if live and config.states and live.frames.q:  # none where no skill had a plan
         with atomic_write(config.states) as out:
             states.write(live.states(not result.problem), out)
     if result.problem:

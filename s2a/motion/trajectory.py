@@ -115,6 +115,8 @@ def preceded(after: Trajectory, targets: np.ndarray, base: np.ndarray) -> Trajec
     ramp = eased(np.arange(1, after.reach_steps) / after.reach_steps)[:, None]
     first = np.concatenate([targets, targets[-1] + ramp * (after.targets[0] - targets[-1])])
     own = np.tile(base[-1], (len(after.targets), 1)) if after.base is None else after.base
+    # The same heading may be whole turns away, which the base would make
+    own = own + np.array([0.0, 0.0, 2.0 * np.pi * np.round((base[-1, 2] - own[0, 2]) / (2.0 * np.pi)), 0.0])
     count, part = len(first), np.concatenate([np.full(len(first), after.part[0]), after.part])
     shifted = tuple(
         replace(a, begin=a.begin + count, first=a.first + count, last=a.last + count, end=a.end + count)

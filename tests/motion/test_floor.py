@@ -113,6 +113,8 @@ def test_a_drive_keeps_the_limits_and_the_arm_stands_meanwhile() -> None:
     assert len(whole.base) == len(whole.targets) == len(whole.part) == len(line.targets) + 29 + 5
     assert whole.closed == 3 + len(line.targets) + 29
     assert np.abs(np.diff(whole.targets[:, :arm], axis=0)).max() < 1e-9
+    after = replace(after, base=np.tile(line.base[-1] + [0.0, 0.0, 2.0 * np.pi, 0.0], (5, 1)))  # the same heading
+    np.testing.assert_allclose(preceded(after, line.targets, line.base).base, whole.base, atol=1e-9)
 
 
 def test_in_physics_it_is_where_it_is_led_to() -> None:

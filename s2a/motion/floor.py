@@ -9,6 +9,8 @@ from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from s2a.core.errors import InputError
 from s2a.robot.collision import robot_shape
@@ -147,7 +149,7 @@ class FreeFloor:
         turn = self.now[2] + (goal[2] - self.now[2] + np.pi) % (2 * np.pi) - np.pi
         goal = np.array([goal[0], goal[1], turn, goal[3]])
         low, high = self._origin[:2], self._origin[:2] + CELL * np.array(self._gaps.shape[1:])
-        lower, upper = np.array([*low, -4 * np.pi]), np.array([*high, 4 * np.pi])
+        lower, upper = np.array([*low, self.now[2] - 4 * np.pi]), np.array([*high, self.now[2] + 4 * np.pi])
         for lift in (self.now[3], goal[3]):
 
             def free(q: np.ndarray, lift: float = lift) -> np.ndarray:
@@ -195,12 +197,7 @@ class FreeFloor:
         axes = [self._origin[k] + (np.arange(steps[k]) + 0.5) * COARSE * CELL for k in range(2)]
         turns = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
         poses = np.stack(np.meshgrid(*axes, turns, indexing="ij"), axis=-1).reshape(-1, 3)
-        free = self.free(np.c_[poses, np.full(len(poses), self._lift)]).reshape(*steps, HEADINGS)
-        pieces, _ = ndimage.label(np.concatenate([free, free[..., :1]], axis=2))
-        first, last = pieces[..., 0], pieces[..., -1]
-        for a, b in {(a, b) for a, b in zip(first.ravel(), last.ravel(), strict=True) if a and a != b}:
-            pieces[pieces == b] = a
-        return pieces[..., :-1]
+        return connected(self.free(np.c_[poses, np.full(len(poses), self._lift)]).reshape(*steps, HEADINGS))
 
     @property
     def _lift(self) -> float:
@@ -232,6 +229,14 @@ class FreeFloor:
         i, j, turn = own[int(gap.argmax())]
         place = self._origin[:2] + (np.array([i, j]) + 0.5) * COARSE * CELL
         return np.array([*place, 2 * np.pi * turn / HEADINGS, 0.0])
+
+
+def connected(free: np.ndarray) -> np.ndarray:
+    """Return the number of the connected piece of each free pose, 0 for others, shape [x y heading]; headings go around."""
+    pieces, count = ndimage.label(np.concatenate([free, free[..., :1]], axis=2))
+    same = coo_array((np.ones(pieces[..., 0].size), (pieces[..., 0].ravel(), pieces[..., -1].ravel())), (count + 1,) * 2)
+    numbers: np.ndarray = connected_components(same, directed=False)[1]  # that of 0, the first, is 0
+    return numbers[pieces[..., :-1]]
 
 
 def _outside(off: np.ndarray) -> np.ndarray:

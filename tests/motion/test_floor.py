@@ -11,7 +11,7 @@ import warp as wp
 
 from s2a import robot
 from s2a.core.errors import InputError
-from s2a.motion.floor import FreeFloor
+from s2a.motion.floor import FreeFloor, connected
 from s2a.motion.segments import CALM, Drive, Timeline
 from s2a.motion.trajectory import Trajectory, preceded
 from s2a.robot.kinematics import arm_pose, base_coordinates
@@ -92,6 +92,15 @@ def test_coordinates_and_pose_of_a_base_belong_together() -> None:
     pose = arm_pose(SPEC.drive, q, floor=0.1)
     np.testing.assert_allclose(pose[:3, 3], [1.0, -2.0 + 0.36, 0.1 + 0.63 + 0.2], atol=1e-9)
     np.testing.assert_allclose(base_coordinates(SPEC.drive, pose, 0.63 + 0.2), q, atol=1e-9)
+
+
+def test_headings_that_go_around_join_all_pieces_that_they_touch() -> None:
+    free = np.zeros((5, 1, 8), bool)
+    free[[0, 2], :, :2] = True  # two pieces, which only a third one joins, across the last heading
+    free[:3, :, 6:] = True
+    free[4, :, 3] = True
+    assert np.unique(connected(free)[:3][free[:3]]).size == 1
+    assert np.unique(connected(free)).tolist() == [0, 1, 2]
 
 
 def test_a_drive_keeps_the_limits_and_the_arm_stands_meanwhile() -> None:

@@ -234,7 +234,8 @@ class FreeFloor:
 def connected(free: np.ndarray) -> np.ndarray:
     """Return the number of the connected piece of each free pose, 0 for others, shape [x y heading]; headings go around."""
     pieces, count = ndimage.label(np.concatenate([free, free[..., :1]], axis=2))
-    same = coo_array((np.ones(pieces[..., 0].size), (pieces[..., 0].ravel(), pieces[..., -1].ravel())), (count + 1,) * 2)
+    first, last = pieces[..., 0].ravel(), pieces[..., -1].ravel()
+    same = coo_array((np.ones(len(first)), (first, last)), (count + 1, count + 1))
     numbers: np.ndarray = connected_components(same, directed=False)[1]  # that of 0, the first, is 0
     return numbers[pieces[..., :-1]]
 

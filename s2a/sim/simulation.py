@@ -195,7 +195,7 @@ class Simulation:
         if stage.robot != self.stage.robot or not stays:
             raise InputError(
                 f"{stage.path}: the robot {self.stage.robot} of these worlds stands at {np.round(self.stage.base[:3], 2)} m, "
-                f"and {stage.target!r} is for {stage.robot} at {np.round(stage.base[:3], 2)} m; plan it from where the robot stands"
+                f"and {stage.target!r} is for {stage.robot} at {np.round(stage.base[:3], 2)} m; plan from where the robot stands"
             )
         self.stage, self.stages, self.layout = stage, [stage], layout(self.world, self.robot, stage)
         self.part_coord, self.part_dof = (

@@ -105,7 +105,9 @@ def read_stages(
         InputError: as the task's; an unphysical room; an index of which something is to be chosen; a robot that drives.
     """
     if robot and robots.load(robot).drive is not None:
-        raise InputError(f"robot {robot!r} drives, which s2a do alone lets it; give one that stands still, robot={DEFAULT_ROBOT}")
+        raise InputError(
+            f"robot {robot!r} drives, which s2a do alone lets it; give one that stands still, robot={DEFAULT_ROBOT}"
+        )
     if not pool.is_index(path):
         refuse_unphysical(path)
         return [kind.read_stage(path, part, robot, also, config, motion)]

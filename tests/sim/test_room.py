@@ -247,7 +247,7 @@ def test_the_next_task_goes_on_where_the_last_one_ended(path: Path) -> None:
     before = sim.snapshot()
     with pytest.raises(InputError, match="demonstrations would move"):
         make_env(sim, task, metrics, {}, 0, continues=True, demo=DemoStarts([], 0.0, 0.0))
-    with pytest.raises(InputError, match="plan it from where the robot stands"):
+    with pytest.raises(InputError, match="plan from where the robot stands"):
         sim.aim(replace(stages[1], base=stages[1].base + [0.1, 0, 0, 0, 0, 0, 0]))
     sim.aim(replace(stages[1], also=()))
     sim.aim(stages[1])

@@ -125,7 +125,8 @@ def test_fingers_may_be_coupled_without_the_drives(stage: SimStage) -> None:
 @pytest.mark.parametrize("sim", ["planner_varied", "pick_place"])
 def test_fingers_that_turn_press_as_those_that_slide(sim: str) -> None:
     panda = robot.load("panda")
-    turning = replace(panda, gripper=replace(panda.gripper, finger_joint_open=0.8))  # 0.05 m of a pad's path for a radian
+    # 0.05 m of a pad's path for a radian
+    turning = replace(panda, gripper=replace(panda.gripper, finger_joint_open=0.8))
     gains = [load(SimConfig, f"sim/{sim}").gains_of(each).finger_stiffness for each in (panda, turning)]
     assert gains == pytest.approx([6000.0, 15.0])
 

@@ -1,12 +1,11 @@
-"""Are boxes of a real scan's objects those that a person measures, and masses those that a person estimates? scene0000_00
-of ScanNet, 55 objects.
+"""Are boxes of a real scan's objects those that a person measures, and masses those that one estimates? 55 of ScanNet's.
 
     python experiments/real_boxes.py --scan captures/scene0000_00
 
-Reads experiments/results/real_boxes_by_hand.json. A box counts if each side is within 20 % or 4 cm of the measured one, whichever
-is more (a voxel of the scan is 1 to 2 cm); with the labels as they are, and without what they spill onto. A mass counts within a
-factor of two of a person's estimate from remembered data sheets; nothing was weighed. Of all that has one, and of what one
-person carries, up to HEAVY. Writes experiments/results/real_boxes.json.
+Of scene0000_00; reads experiments/results/real_boxes_by_hand.json. A box counts if each side is within 20 % or 4 cm of the
+measured one, whichever is more (a voxel of the scan is 1 to 2 cm); with the labels as they are, and without what they spill
+onto. A mass counts within a factor of two of an estimate from remembered data sheets; nothing was weighed. Of all that has
+one, and of what one person carries, up to HEAVY. Writes experiments/results/real_boxes.json.
 """
 
 import argparse

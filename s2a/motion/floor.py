@@ -249,7 +249,7 @@ def floor_height(room: SimRoom) -> float:
     """Return the height of the floor [m]: that below the prepared base poses, else of the level hulls of the structure."""
     prepared = [b.position[2] - b.pedestal for each in room.articulations.values() for b in each.bases.values()]
     if prepared:
-        return float(np.median(prepared))
+        return float(np.quantile(prepared, 0.5, method="lower"))  # of one floor, where there are two
     level = []
     for collider in room.static_colliders:
         size = np.ptp(collider.mesh.vertices, axis=0)
@@ -291,7 +291,8 @@ def _spheres(spec: RobotSpec, arm: np.ndarray, held: np.ndarray) -> tuple[np.nda
     """
     assert spec.drive is not None
     shape, mount, column = robot_shape(spec), np.array(spec.drive.mount), spec.drive.column
-    down = np.arange(0.0, mount[2] - spec.drive.chassis[2], column)
+    # All of it that can stand above the base; with the lift down, some is within the base.
+    down = np.arange(0.0, mount[2] - spec.drive.chassis[2] + spec.drive.lift, column)
     under = np.c_[np.zeros((len(down), 2)), -down]
     centers = np.concatenate([shape.centers(arm[None])[0], under, held]) + mount
     return centers, np.concatenate([shape.radii, np.full(len(down), 2**0.5 * column), np.full(len(held), HELD)])

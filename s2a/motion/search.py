@@ -272,6 +272,8 @@ def around(
     spots = np.array([[*(middle[:2] + r * np.array([np.cos(a), np.sin(a)])), over] for r, a, *_ in places])
     floor, _ = cell.obstacles.below(spots)
     stands = np.isfinite(floor) & (floor <= floor[np.isfinite(floor)].min(initial=np.inf) + 0.05)
+    if cell.floor is not None:  # a base that drives is as high as its floor, whatever the scan says below it
+        floor = np.full(len(places), cell.floor.height)
     raised = np.array([height for _, _, height, _ in places])
     shoulders = np.c_[spots[:, :2], floor + raised + spec.shoulder_height]
     reach = np.max([np.linalg.norm(at[:3, 3] - shoulders, axis=1) for at in (start, goal)], axis=0)

@@ -73,6 +73,13 @@ def test_the_column_and_the_arm_need_room_above_the_base() -> None:
     assert not FreeFloor(room(0.0), SPEC, LEFT).free(backwards).any()
 
 
+def test_the_lower_end_of_the_column_is_seen_where_the_lift_is_up() -> None:
+    shelf = Collider("shelf", box(np.array([-1.14, 0.0, 0.34]), np.eye(3), np.array([0.1, 0.1, 0.02])))
+    whole = room(WIDTH + 0.4)
+    with_it = FreeFloor(replace(whole, static_colliders=(*whole.static_colliders, shelf)), SPEC, RIGHT)
+    assert with_it.free(np.array([[-1.5, y, 0.0, 0.3] for y in (0.0, 0.9)])).tolist() == [False, True]
+
+
 def test_a_room_without_floor_for_it_is_refused() -> None:
     with pytest.raises(InputError, match="no floor of the room is free"):
         FreeFloor(replace(room(0.0), static_colliders=(room(0.0).static_colliders[0], *_filled())), SPEC)

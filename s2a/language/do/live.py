@@ -80,7 +80,7 @@ class LiveFrames:
             speed = np.maximum(*(np.linalg.norm(each[:, j : j + 3], axis=1) for each in (qd[1:], qd[:-1])))
             beyond[name] = np.linalg.norm(np.diff(q[:, i : i + 3], axis=0), axis=1) - self.dt * speed
         allowed = SPARE * self.dt + TREMBLE
-        return {name: float(each.max()) for name, each in beyond.items() if each.max() > allowed}
+        return {name: float(each.max()) for name, each in beyond.items() if not each.max() <= allowed}  # or no number
 
 
 class LiveRoom:

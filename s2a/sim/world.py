@@ -12,7 +12,7 @@ import warp as wp
 
 from s2a.core.bounds import NotNegative
 from s2a.core.errors import InputError
-from s2a.robot import load
+from s2a.robot import load, names
 from s2a.robot.model import add_robot
 from s2a.robot.spec import Gains, RobotSpec
 from s2a.scene.articulation import lever_arm, travel
@@ -181,7 +181,7 @@ def stage_of(
     kept_bodies(room, (target, *(i for i in also if i != ALL)))
     bases = articulation.bases
     robot = robot or (DEFAULT_ROBOT if DEFAULT_ROBOT in bases or not bases else next(iter(bases)))
-    drives = load(robot).drive is not None
+    drives = robot in names() and load(robot).drive is not None
     if robot not in bases and not drives:
         others = f", but for: {', '.join(bases)}; give robot={next(iter(bases))}" if bases else ""
         raise InputError(

@@ -86,9 +86,7 @@ def add_robot(
         _couple_fingers(builder, spec, moving)
 
 
-STIFF = (
-    2.0 * np.pi * 4.0
-)  # [rad/s] Natural frequency, critically damped, with which the joints of a base hold their targets
+STIFF = 2.0 * np.pi * 4.0  # [rad/s] Natural frequency, critically damped, with which a base's joints hold their targets
 CARRIED = 25.0  # [kg] What the arm adds to a base's mass as its joints are tuned
 
 

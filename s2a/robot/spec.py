@@ -187,11 +187,6 @@ class DriveSpec:
     acceleration: tuple[Positive, Positive, Positive, Positive]
     force: tuple[Positive, Positive, Positive, Positive]
 
-    @property
-    def limits(self) -> JointLimits:
-        """Limits of x, y, yaw and lift."""
-        return JointLimits(self.velocity, self.acceleration, self.force)
-
 
 @dataclass(frozen=True)
 class Attachment:

@@ -75,7 +75,9 @@ class FreeFloor:
         self._gaps = np.stack([ndimage.distance_transform_edt(~layer) for layer in solid]) * CELL - 0.5 * CELL
         self._low = self._gaps[: round(self.drive.chassis[2] / LAYER + 0.5)].min(axis=0)
         self._clearance = CLEARANCES[0]
-        self.now = self._middle() if now is None else np.asarray(now, float)
+        self.now = np.zeros(4) if now is None else np.asarray(now, float)
+        if now is None:
+            self.now = self._middle()
         for self._clearance in CLEARANCES:
             if self.free(self.now[None])[0]:
                 break
@@ -197,12 +199,7 @@ class FreeFloor:
         axes = [self._origin[k] + (np.arange(steps[k]) + 0.5) * COARSE * CELL for k in range(2)]
         turns = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
         poses = np.stack(np.meshgrid(*axes, turns, indexing="ij"), axis=-1).reshape(-1, 3)
-        return connected(self.free(np.c_[poses, np.full(len(poses), self._lift)]).reshape(*steps, HEADINGS))
-
-    @property
-    def _lift(self) -> float:
-        """The lift with which it drives [m]."""
-        return float(self.now[3]) if hasattr(self, "now") else 0.0
+        return connected(self.free(np.c_[poses, np.full(len(poses), self.now[3])]).reshape(*steps, HEADINGS))
 
     def _component(self, q: np.ndarray) -> np.ndarray:
         """Return the connected piece that coordinates [pose 4] are in, by the nearest coarse poses; 0: in none, shape [pose]."""

@@ -15,9 +15,10 @@ demo: $(INSTALLED)
 	$(BIN)/s2a demo folder=$(DEMO) robot=$(ROBOT)
 	$(BIN)/python tools/joint_table.py $(DEMO)/geometric.usd $(DEMO)/scan/truth/truth.usda
 
-# A thread for each worker: as many as cores would stand in each other's way.
+# A thread for each worker: as many as cores would stand in each other's way. Python keeps what it compiles, even where the
+# environment forbids it: each of the tests' processes would compile the package anew.
 test: $(INSTALLED)
-	OMP_NUM_THREADS=1 $(BIN)/pytest -q -n auto --maxprocesses 4 --dist loadfile -m "not slow and not gpu"
+	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -q -n auto --maxprocesses 4 --dist loadfile -m "not slow and not gpu"
 
 check: $(INSTALLED)
 	$(BIN)/ruff format --check

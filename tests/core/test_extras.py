@@ -27,6 +27,8 @@ RUN = """
 from s2a.commands.cli import main
 sys.exit(main(sys.argv[1:]))
 """
+UNCOLLECTED = "import gc\ngc.disable()\n"
+"""Keep Python's collector from the objects of torch and Newton, through which it would go again and again."""
 EVERYTHING = sorted(name for modules in errors.MODULES.values() for name in modules)
 
 
@@ -93,7 +95,7 @@ def test_the_simulation_extra_alone_serves_the_scene_commands() -> None:
     blocked = [*errors.MODULES["learn"], *errors.MODULES["llm"]]
     names = ("sample", "check", "zoo", "insert", "prepare", "certify", "view")
     imports = "".join(f"import {cli.commands()[name]}\n" for name in names if not satellites.missing(name))
-    subprocess.run([sys.executable, "-c", BLOCK.format(blocked=blocked) + imports], check=True, cwd=ROOT)
+    subprocess.run([sys.executable, "-c", BLOCK.format(blocked=blocked) + UNCOLLECTED + imports], check=True, cwd=ROOT)
 
 
 def test_modules_that_belong_to_no_extra_stay_a_bug() -> None:

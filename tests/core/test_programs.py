@@ -15,7 +15,8 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = [str(ROOT / folder) for folder in ("tools", "experiments")]
 PROGRAMS = sorted(path for folder in FOLDERS for path in Path(folder).glob("*.py") if "__main__" in path.read_text())
 START = """
-import json, runpy, sys, traceback
+import gc, json, runpy, sys, traceback
+gc.disable()  # it would go through the objects of torch and Newton again and again
 sys.path[:0] = json.loads(sys.argv[1])
 failures = {}
 for program in sys.argv[2:]:
@@ -24,6 +25,7 @@ for program in sys.argv[2:]:
     except BaseException:
         failures[program] = traceback.format_exc()
 print(json.dumps(failures))
+gc.freeze()
 """
 
 

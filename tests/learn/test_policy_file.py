@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,12 +30,20 @@ def settings() -> tuple[SimConfig, MdpConfig]:
     return load(SimConfig, "sim/paper", dt=0.002), load(OpenPartConfig, "task/open_part", episode_steps=77)
 
 
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a short training."""
+    folder = tmp_path_factory.mktemp("trained")
+    train(CountingEnv(), load(PpoConfig, "ppo/default", **SMALL), folder)
+    write_world(*settings(), folder)
+    export(load_model(CountingEnv(), folder / "model_0.pt"), folder / "model_0.pt")
+    return folder
+
+
 @pytest.fixture
-def exported(tmp_path: Path) -> Path:
-    """Return the ONNX file of a short training."""
-    train(CountingEnv(), load(PpoConfig, "ppo/default", **SMALL), tmp_path)
-    write_world(*settings(), tmp_path)
-    return export(load_model(CountingEnv(), tmp_path / "model_0.pt"), tmp_path / "model_0.pt")[1]
+def exported(trained: Path, tmp_path: Path) -> Path:
+    """Return the ONNX file of that training, a copy of one's own."""
+    return shutil.copytree(trained, tmp_path, dirs_exist_ok=True) / "model_0.onnx"
 
 
 def test_it_acts_as_its_checkpoint_in_the_world_it_was_trained_in(exported: Path) -> None:

@@ -42,7 +42,7 @@ def test_every_layout_gives_the_same_cameras_depth_and_colours(tmp_path: Path, k
         pose = recordings.poses(24)[index]
         assert frame.pose == pytest.approx(world @ pose, abs=1e-6)
         seen = depth > 0
-        assert depth[seen] == pytest.approx(recordings.image(pose)[0][seen], abs=6e-4)
+        assert np.abs(depth - recordings.image(pose)[0])[seen].max() < 6e-4
         assert seen.mean() == pytest.approx(1 - 400 / seen.size if frame.confidence else 1.0)
         assert color is not None
         truth = recordings.image(pose, color.shape[0] // depth.shape[0])[1]

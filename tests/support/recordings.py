@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+from functools import cache
 from pathlib import Path
 
 import av
@@ -36,6 +37,12 @@ def image(pose: np.ndarray, scale: int = 1, offset: float = 0.0) -> tuple[np.nda
 
     Images have the same borders at every scale; the camera is moved along its x axis by an offset [m].
     """
+    return _image(pose.tobytes(), scale, offset)
+
+
+@cache
+def _image(given: bytes, scale: int, offset: float) -> tuple[np.ndarray, np.ndarray]:
+    pose = np.frombuffer(given).reshape(4, 4)
     rows, columns = (np.mgrid[0 : HEIGHT * scale, 0 : WIDTH * scale] + 0.5) / scale - 0.5
     rays = (
         np.stack([(columns - WIDTH / 2) / FOCAL, (rows - HEIGHT / 2) / FOCAL, np.ones(rows.shape)], axis=-1)
@@ -46,7 +53,9 @@ def image(pose: np.ndarray, scale: int = 1, offset: float = 0.0) -> tuple[np.nda
         distances = np.where(rays > 0, SIZE - eye, -eye) / rays
     distances = np.where(np.isfinite(distances), distances, np.inf)
     floor = (distances.argmin(axis=-1) == 2) & (rays[..., 2] < 0)
-    return distances.min(axis=-1), np.where(floor[..., None], RED, GREY).astype(np.uint8)
+    depth, color = distances.min(axis=-1), np.where(floor[..., None], RED, GREY).astype(np.uint8)
+    depth.flags.writeable = color.flags.writeable = False  # shared by all who ask
+    return depth, color
 
 
 def _png(path: Path, depth: np.ndarray) -> None:

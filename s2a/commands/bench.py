@@ -205,7 +205,9 @@ def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
     else:
         file = read_policy(path, config.depth_camera)
         if follow.is_depth(path) and (config.grasp_error is not None or config.grasp_turn is not None):
-            raise InputError("keys 'grasp_error' and 'grasp_turn' are of policies that observe true poses; drop them")
+            raise InputError(
+                "keys 'grasp_error' and 'grasp_turn' apply to policies that observe true poses; leave them out"
+            )
         world, name = file.worlds(config.sim, config.task), Path(file.name).stem
     if world is None:
         raise InputError(

@@ -66,7 +66,7 @@ def run(config: Config) -> str:
         what = "is a folder" if config.stage.is_dir() else "does not exist"
         raise InputError(f"stage {str(config.stage)!r} {what}; give a sim.usd, which s2a prepare writes")
     if config.repair is not None:
-        raise InputError("repair is of an asset; a stage is repaired by s2a prepare")
+        raise InputError("key 'repair' applies to asset=FILE; leave it out, and change a stage with s2a prepare")
     settings = dataclasses.asdict(config.certify)
     refuse_loss(config.out, RECORD, files(config.stage))
     held = contents.read(config.stage, config.part)

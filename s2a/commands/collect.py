@@ -108,7 +108,7 @@ def run(config: Config) -> str:
         began, first, run_episodes = time.perf_counter(), dataset.count, 0
         while dataset.count < config.episodes:
             if run_episodes >= PATIENCE * config.num_envs and dataset.count == first:
-                raise InputError(f"none of {run_episodes} episodes succeeded; see the report of s2a evaluate on it")
+                raise InputError(f"none of {run_episodes} episodes succeeded; measure the part with s2a evaluate")
             # A dataset that is continued begins no episode twice: of each start at least one is past its seed.
             seed = config.seed + dataset.count + run_episodes
             run_episodes += config.num_envs
@@ -141,7 +141,7 @@ def _stage(config: Config, task: MdpConfig) -> SimStage:
     other = {"part": config.part not in (None, stage.target), "also": bool(set(config.further) - set(stage.also))}
     if any(other.values()):
         names = ", ".join(name for name, differs in other.items() if differs)
-        raise InputError(f"{config.out} was collected with another {names}; choose another place")
+        raise InputError(f"{config.out} was collected with another {names}; choose another out")
     return stage
 
 
@@ -156,7 +156,7 @@ def _keep(config: Config, session: Session) -> None:
     if file.is_file():
         record = json.loads(file.read_text())
         if other := [key for key in about if key not in ("seed", "instruction") and record.get(key) != about[key]]:
-            raise InputError(f"{config.out} was collected with another {', '.join(other)}; choose another place")
+            raise InputError(f"{config.out} was collected with another {', '.join(other)}; choose another out")
     file.parent.mkdir(parents=True, exist_ok=True)
     made = provenance(session.collector.device)
     with atomic_write(file) as out:

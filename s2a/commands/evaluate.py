@@ -57,7 +57,7 @@ def run_soft(config: Config) -> tuple[dict[str, Any], tuple[str, ...], tuple[str
     """Run the trials one after the other, writing metrics and states after each; return the metrics, their rates and values."""
     task = config.task
     if type(task) is not SoftTask:
-        raise InputError(f"physics=soft is for task={SOFT_TASK}, not for task={task.name}")
+        raise InputError(f"physics=soft is not possible with task={task.name}; give task={SOFT_TASK}")
     if config.part not in (None, NAME):
         raise InputError(f"part={config.part}: with physics=soft the object is the {NAME}; leave the key out")
     if given := [key for key in REFUSED if getattr(config, key)]:

@@ -1,4 +1,4 @@
-"""Command `s2a perceive`: train a policy that looks at every step with depth cameras, taught by the bundled policy of states."""
+"""Command `s2a perceive`: train a policy that observes parts with depth cameras."""
 
 from __future__ import annotations
 
@@ -93,14 +93,14 @@ class Config:
     Attributes:
         stage: the index of a pool that was made with visuals.
         out: folder of policy.depth, for policy=; policy_estimate.onnx and policy_act.onnx; and metrics.json. While it runs,
-            unfinished.depth is what it has learned.
+            unfinished.depth is the policy so far.
         init: policy to begin with: pretrained_depth, or a .depth; null: none.
-        held_out: regular expression of the rooms that are only measured on; null: none.
-        frames: of all worlds that are trained on; 0: none, the policy is measured alone.
+        held_out: regular expression of rooms to measure on, which are not trained on; null: none.
+        frames: number of frames to train on, each of all worlds; 0: only measure.
         num_envs: worlds that are stepped together.
         steps: control steps of an episode.
-        network: its training.
-        depth_camera: what sees the worlds.
+        network: the network and its training.
+        depth_camera: the depth cameras and their errors.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: seed of the network and of the samples.
     """

@@ -46,7 +46,7 @@ def run(config: Config) -> str:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{config.dataset}: not a dataset of s2a collect ({error!r})") from error
     if not total:
-        raise InputError(f"{config.dataset}: no episode in it")
+        raise InputError(f"{config.dataset} has no episode; continue it with s2a collect")
     if about.get("stage_sha256") not in (None, layer_hash(config.stage)):
         raise InputError(
             f"{config.stage} is not the room that {config.dataset} was collected in, or was prepared again"

@@ -110,7 +110,7 @@ def run(config: Config) -> str:
 def _play(config: Config, stage: Path) -> str:
     """Serve the page of worlds that move, until somebody interrupts."""
     if not config.page or config.image or config.html:
-        raise InputError(f"{config.path} is played on the page alone; give page=true, without image or html")
+        raise InputError(f"{config.path} plays only on the page; give page=true, without image or html")
     room = _page_room(replace(config, path=stage))
     from s2a.scene.usd import sim_stage
     from s2a.view import states  # of the extra "sim"
@@ -222,7 +222,7 @@ def _orthophoto(scene: Visible, config: Config, path: Path) -> str:
     with atomic_write(path) as file:
         write_png(photo.image, file)
     size = f"{photo.image.shape[1]} x {photo.image.shape[0]} pixels of {1000 * pixel:g} mm"
-    return f"{path}: {size} from {len(photo.used)} of {len(keyframes)} photos; {100 * photo.seen.mean():.0f} % are seen"
+    return f"{path}: {size} from {len(photo.used)} of {len(keyframes)} photos; {100 * photo.seen.mean():.0f} % covered"
 
 
 def _camera_pose(shown: list[Mesh], jointed: list[Mesh], config: Config) -> CameraPose:

@@ -46,8 +46,7 @@ class WorldsConfig(EpisodesConfig):
 
     Attributes:
         part: id of the articulated part; null: the only one of the stage.
-        also: ids of further articulated parts and free objects that move, all for every one; everything else stays where it was
-            scanned.
+        also: ids of further articulated parts and free objects that move, or all; everything else is static.
     """
 
     part: str | None

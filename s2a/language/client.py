@@ -369,7 +369,7 @@ class Chat:
             raise
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
             raise InputError(
-                f"{self._client.base_url} answered what is no chat completion: {text[:80]!r}; check OPENAI_BASE_URL"
+                f"{self._client.base_url} returned no chat completion: {text[:80]!r}; check OPENAI_BASE_URL"
             ) from error
         response: dict[str, Any] = body
         return response

@@ -26,7 +26,7 @@ class PlannerConfig:
         ik_seeds: starts of the inverse kinematics; each is followed along the whole tool path.
         opening: path of the grasp point [m]; less where the joint ends earlier.
         pull_time: time to move the part along its joint by `opening` [s].
-        pull_law: file of s2a optimize with a time law of that motion, in the place of `pull_time` and the planner's own; or null.
+        pull_law: file of s2a optimize with a time law of that motion, instead of `pull_time` and the planner's own; or null.
         seed: seed of the IK starts.
     """
 

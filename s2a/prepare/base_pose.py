@@ -43,7 +43,7 @@ class BaseConfig:
 
     Attributes:
         opening: path of the handle that the arm has to follow [m]; less where the joint ends earlier.
-        search: other places than the preferred one are tried.
+        search: Try other base poses than the preferred one.
     """
 
     sides: Numbers = (0.0, -0.2, 0.2, -0.4, 0.4)  # how far to the side of the handle it may stand [m]

@@ -174,8 +174,8 @@ class RefineConfig:
     """How far furniture and annotations are trusted. Standard deviations unless said otherwise.
 
     Attributes:
-        worse: an axis may get farther from the true one by this [rad] where the annotation happened to be good.
-        regret: getting farther by more counts as much as being off by this [rad]; moves are shortened accordingly.
+        worse: increase of an axis's error that is tolerated where the annotation was accurate [rad].
+        regret: weight of a larger increase, as an axis error [rad]; corrections are shortened accordingly.
     """
 
     # of an axis or a front against its furniture's [rad]. 0.2 deg; fitted fronts hang up to 0.3 deg askew: 2 mm

@@ -145,13 +145,13 @@ class SimConfig:
         multiccd: Enable several contacts per pair of hulls.
         load_static_colliders: Load the room's colliders.
         gains: gains of the robot's position controller; null: the robot's own.
-        gravity_compensation: the robot's weight is carried.
+        gravity_compensation: Compensate the robot's weight.
         limits: limits to which the arm's controller keeps; null: none, and targets move as far as the task's action asks.
         joint: resistance of the target's joint.
         vary: differences between worlds; null: none.
         grip_stiffness: position gain of each finger at its pad [N/m], instead of that of the gains; null: theirs.
-        coupled_fingers: one motor drives both, where the gripper has but one. Two that press with all their force yield to any
-            push along their common axis. Motion limits with drives have it too.
+        coupled_fingers: Couple the fingers, where one motor drives both. Uncoupled fingers at their maximum force yield to any
+            push along their common axis. `limits.drives` couples them too.
     """
 
     dt: Positive

@@ -23,8 +23,8 @@ class OpenPartConfig(PartMdp):
         bonus_openings: openings that give a bonus of 1 each [m].
         termination_opening: opening that ends the episode [m]; infinite: never.
         full_travel: shorter travels scale all openings down in proportion [m].
-        firm_angle: angle between the fingers' forces from which a grasp is rewarded in full [degree]; less from 120 on,
-            from which the metrics count one. 120: all or nothing.
+        firm_angle: angle between the fingers' forces from which a grasp has its full reward [degree]; the reward grows from 120,
+            where the metrics begin to count a grasp. 120: a step.
     """
 
     close_distance: NotNegative
@@ -42,7 +42,7 @@ class OpenPartMetrics(MetricsConfig):
     Attributes:
         success_opening: opening that counts as success [m].
         wide_opening: a wider one, `open_30cm` [m]. IsaacLab 3's manager-based task.
-        full_travel: shorter travels scale both down in proportion [m].
+        full_travel: shorter travels scale both openings down in proportion [m].
         static_fraction: fraction of the travel at which a part that hardly moves counts as `open_75pct_static`.
             ManiSkill's OpenCabinetDrawer, with its speed.
         static_speed: max speed of the grasp point there [m/s].

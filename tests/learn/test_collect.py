@@ -178,7 +178,7 @@ def test_what_never_succeeds_ends_in_one_line(
     ]
     assert cli.main(["collect", *keys]) == 2
     error = capsys.readouterr().err
-    assert "none of 10 episodes succeeded; see the report of s2a evaluate on it" in error
+    assert "none of 10 episodes succeeded; measure the part with s2a evaluate" in error
     assert "an episode of 3 steps cuts the plan off; give task.episode_steps=" in error
 
 
@@ -194,7 +194,7 @@ def test_a_folder_that_is_no_dataset_is_one_line(
     [
         (["views.width=33"], "images of 33 x 32 pixels cannot be a video; give even numbers"),
         (["every=7"], "key 'every' is 7, and 60 control steps a second are no whole number of frames"),
-        (["task.start_noise=0.1"], "was collected with another world; choose another place"),
+        (["task.start_noise=0.1"], "was collected with another world; choose another out"),
         (["views.jitter=0.5"], "was collected with another views"),
     ],
 )

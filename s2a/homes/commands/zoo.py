@@ -1,4 +1,4 @@
-"""Command `s2a zoo`: write a hundred labelled objects, as inconsistent as downloads, to insert."""
+"""Command `s2a zoo`: write a hundred labelled objects to insert, with various units, up axes and formats."""
 
 import json
 from dataclasses import dataclass

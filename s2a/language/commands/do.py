@@ -34,18 +34,18 @@ class Config:
     """Keys of `s2a do`.
 
     Attributes:
-        sentence: what is to be done: the first argument, in quotation marks.
+        sentence: the task in words: the first argument, in quotation marks.
         stage: the sim.usd of the room.
         scene: the descriptive.usda of the room, with the annotator's labels and the furniture that parts belong to; null: labels
-            are what ids say.
+            come from ids.
         out: the do.json to write.
         images: folder for an image of the room after each skill, 1_open.png and so on, or null.
-        states: npz file for where everything was after every control step, of a robot that drives, which s2a view plays; or null.
+        states: npz file for the pose of everything after every control step, for s2a view; needs a robot that drives; or null.
         llm: the language model.
         record: a file for the model's answers, to replay them, or null.
         plan_only: Plan and check, and execute nothing.
-        retries: answers of the model that may be rejected, of each plan.
-        replans: further plans of the model after a skill has failed.
+        retries: number of answers of the model that may be rejected, per plan.
+        replans: number of further plans of the model after a skill has failed.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: seed of the start noise.
         robot: the robot that the stage was prepared for, such as panda or baxter; or one that drives, such as panda_mobile.

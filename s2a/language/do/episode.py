@@ -319,7 +319,7 @@ def refuse_collision(stage: SimStage, moved: Collection[str], spec: RobotSpec, a
     depth = Workcell(spec, obstacles).arm_depth(path, matrix(stage.base), fingers=False).max()
     if depth > SLACK:
         raise InputError(
-            f"from its base for {target!r} the arm reaches {1000 * depth:.0f} mm into what was moved before: "
+            f"from its base for {target!r} the arm penetrates what earlier skills moved by {1000 * depth:.0f} mm: "
             f"{', '.join([*bodies, *free])}"
         )
 

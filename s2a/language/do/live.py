@@ -92,7 +92,7 @@ class LiveRoom:
     """
 
     def __init__(self, file: Path, room: SimRoom, config: ExecutionConfig) -> None:
-        """Put the robot where most room is around it.
+        """Put the robot on the widest free floor.
 
         Raises:
             InputError: nothing moves in the room, or no floor is free for the base.
@@ -100,7 +100,7 @@ class LiveRoom:
         self._file, self._room, self._config, self._spec = file, room, config, robots.load(config.robot)
         floor = FreeFloor(room, self._spec)
         if not room.movable:
-            raise InputError(f"room {room.name!r}: nothing in it moves")
+            raise InputError(f"room {room.name!r} has no part that moves; prepare it with targets=all")
         first = room.movable[0]
         joint, grasp = _handle(room, first)
         stage = SimStage(
@@ -193,7 +193,7 @@ class LiveRoom:
             stage = ready_to_move(stage, path_of, self._spec, 0.0, config.seed, may_push=task.PUSHES, floor=floor)
         route = floor.path(floor.stands(matrix(stage.base), stage.pedestal[0]), config.seed)
         if route is None:
-            raise InputError(f"the base finds no free path to ({stage.base[0]:.2f}, {stage.base[1]:.2f})")
+            raise InputError(f"the base has no free path to ({stage.base[0]:.2f}, {stage.base[1]:.2f})")
         self._sim.aim(stage)
         self.contacts.aim()
         env = tasks.make_env(self._sim, mdp, settings.metrics, {}, config.seed, continues=True)
@@ -247,7 +247,7 @@ class LiveRoom:
                     slow = [Straight(first, self._config.planner.approach_time)] if len(first) > 1 else []
                     return [Release(), *slow, Reach(path, self._config.planner.reach_time)]
         deep = float(depth(np.stack([arm, home]), 0.0).max())
-        raise InputError(f"the arm finds no free path back home; it reaches {1000 * deep:.0f} mm into something")
+        raise InputError(f"the arm has no free path to its home pose; it penetrates the room by {1000 * deep:.0f} mm")
 
     def _timeline(self, segments: list[Segment]) -> Timeline:
         sim = self._sim

@@ -1,20 +1,23 @@
 """Sentences executed by a robot that drives, each in one simulation of a live room: does it end right, and what is hit how hard?
 
-    python experiments/driven.py ROOMS [--count 50] [--jobs 4] [--seed 0] [--out FOLDER]
+    python experiments/driven.py ROOMS [--count 50] [--jobs 4] [--limit 480] [--seed 0] [--out FOLDER]
 
 ROOMS holds NAME/room.usd for each room (`skill_rooms.py` writes such a folder). The sentences name ids, so that their plans are
 right: parts that are opened, opened and closed, two parts one after the other, objects that are put on what carries another
-object, or into a drawer. They are drawn by the seed, as many of each room, whatever the robot can reach. Prints a line a sentence
-and writes driven.json: what came of each, its peaks of base and contact forces, and jumps between control steps.
+object, or into a drawer. They are drawn by the seed, as many of each room, whatever the robot can reach. Each is a process of one
+thread that ends after --limit seconds at most. Prints a line a sentence and writes driven.json after each: what came of it, its
+peaks of base and contact forces, and jumps between control steps.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
+import subprocess
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +38,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*")
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--jobs", type=int, default=4)
+    parser.add_argument("--limit", type=float, default=480.0, help="[s] of a sentence")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--robot", default="panda_mobile")
     parser.add_argument("--device", default="cpu")
@@ -42,20 +46,35 @@ def main() -> None:
     args = parser.parse_args()
     names = args.only or sorted(path.parent.name for path in args.rooms.glob("*/room.usd"))
     each = [sentences(args.rooms / name / "room.usd", args.seed, -(-args.count // len(names))) for name in names]
-    rows = [{"room": name, "sentence": one} for name, some in zip(names, each, strict=True) for one in some]
+    # A sentence of each room in turn: what an interrupted run leaves is of all rooms
+    rows = [
+        {"room": name, "sentence": some[k]}
+        for k in range(max(map(len, each), default=0)) for name, some in zip(names, each, strict=True) if k < len(some)
+    ][: args.count]  # fmt: skip
+    args.out.mkdir(parents=True, exist_ok=True)
+    about = {**provenance(args.device), "seed": args.seed, "robot": args.robot, "limit": args.limit}
+    os.environ["OMP_NUM_THREADS"] = "1"  # of each process
     with ThreadPoolExecutor(args.jobs) as pool:
-        list(pool.map(lambda row: execute(row, args), rows))
+        for future in as_completed([pool.submit(execute, row, args) for row in rows]):
+            future.result()
+            ended = [row for row in rows if "done" in row]
+            record = {**about, **counted(ended, len(rows)), "rows": ended}
+            (args.out / "driven.json").write_text(json.dumps(record, indent=1) + "\n")
+    print(counted(rows, len(rows)))
+
+
+def counted(rows: list[dict[str, Any]], count: int) -> dict[str, int]:
+    """Return how many of the rows that ended are what; `count`: of all sentences."""
     planned = [row for row in rows if row["skills"]]
-    counts = {
-        "sentences": len(rows),
+    return {
+        "sentences": count,
+        "ended": len(rows),
         "with a plan that was simulated": len(planned),
         "done": sum(row["done"] for row in rows),
+        "beyond the limit": sum(row["late"] for row in rows),
         "with a jump": sum(bool(row["jumps"]) for row in planned),
         f"base or arm above {LIMIT:.0f} N": sum(row["body"] > LIMIT for row in planned),
     }
-    about = {**provenance(args.device), "seed": args.seed, "robot": args.robot, **counts}
-    (args.out / "driven.json").write_text(json.dumps({**about, "rows": rows}, indent=1) + "\n")
-    print(counts)
 
 
 def sentences(stage: Path, seed: int, count: int) -> list[str]:
@@ -89,12 +108,17 @@ def execute(row: dict[str, Any], args: argparse.Namespace) -> None:
         f"seed={args.seed}",
         f"out={out}",
     ]
-    ended = s2a("do", row["sentence"], *keys, check=False)
+    late, problem = False, ""
+    try:
+        problem = message(s2a("do", row["sentence"], *keys, check=False, timeout=args.limit))
+    except subprocess.TimeoutExpired:
+        late, problem = True, f"not done within {args.limit:.0f} s"
     record = json.loads(out.read_text()) if out.exists() else {}
     tries = [one for skill in record.get("skills", []) for one in skill["tries"] if "contacts" in one]
     row |= {
         "done": bool(record.get("done")),
-        "problem": record["problem"] if record else message(ended),
+        "problem": record["problem"] if record else problem,
+        "late": late,
         "skills": len(tries),
         "jumps": record.get("jumps", {}),
         "base_peaks": record.get("base_peaks", {}),

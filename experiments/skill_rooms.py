@@ -130,9 +130,14 @@ def _prepare(runs: Path, name: str) -> None:
     (out / "objects.json").write_text(json.dumps(rows, indent=1) + "\n")
 
 
-def s2a(*arguments: str, check: bool = True) -> subprocess.CompletedProcess[str]:
-    """Run a command of s2a; its last line of errors ends this process where it fails and that is not expected."""
-    done = subprocess.run([sys.executable, "-m", "s2a", *arguments], capture_output=True, text=True, check=False)
+def s2a(*arguments: str, check: bool = True, timeout: float | None = None) -> subprocess.CompletedProcess[str]:
+    """Run a command of s2a; its last line of errors ends this process where it fails and that is not expected.
+
+    Raises:
+        TimeoutExpired: it was ended after so many seconds.
+    """
+    command = [sys.executable, "-m", "s2a", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=timeout)
     if check and done.returncode:
         raise SystemExit(f"{' '.join(arguments)}: {message(done)}")
     return done

@@ -12,13 +12,12 @@ import numpy as np
 from s2a.motion.grasps import SAMPLES, GraspCache, ObjectGrasps
 from s2a.motion.gripper import Contact
 from s2a.motion.pick_plan import DROP, LIFT, STEP, WIDE, Driven, PickPlan, PickPlanner, PickTask, there_and_up
-from s2a.motion.search import EXACT, IK_SEEDS, Follow, Stand, Unreachable
+from s2a.motion.search import EXACT, IK_SEEDS, Follow, Miss, Stand, Unreachable
 from s2a.robot.spec import RobotSpec
 
-PICKS, PLACES = (
-    6,
-    24,
-)  # Bases with a grasp from which the pick is planned to the end; bases that are tried for the place
+PICKS, PLACES = 6, 96  # Bases with a grasp from which a pick is planned to the end; bases with a grasp for the place
+# Comparisons of a sphere with the room that take as long as a search for a route of the base
+ROUTE = 300_000
 # [m] In the frame of the arm's root link: tool frames in which an object is carried, upright as it was lifted
 TUCKED = ((0.40, 0.0, 0.50), (0.35, 0.0, 0.65), (0.45, 0.0, 0.40), (0.30, -0.2, 0.55), (0.30, 0.2, 0.55))
 STARTS = 8  # Of the inverse kinematics of each
@@ -47,32 +46,49 @@ class FarPlanner:
     def plan(self) -> PickPlan:
         """Return the first plan; Unreachable: there is none."""
         clear = self._clear()
-        for stand, up, held, opened, grasp in itertools.islice(self._picks(clear), PICKS):
-            cell, body = self._pick.cell, np.linalg.inv(stand.base) @ self._pick.start
-            empty = cell.empty(stand.base, opened, self._pick.points @ body[:3, :3].T + body[:3, 3])
-            holding = cell.holding(stand.base, opened, held, self._pick.points)
-            home = np.array(self._spec.home)
-            reach = self._pick.search.joined(cell, stand, home, up[0], empty, "reach", 3, WIDE)
-            if reach is None:
-                continue
-            for tucked in self._tucked(stand, up[-1]):
-                tuck = self._pick.search.joined(cell, stand, up[-1], tucked, holding, "carry away", 4)
-                if tuck is None:
-                    continue
-                driven = self._driven(stand, tucked, held, opened, clear.tool[grasp])
-                if driven is None:
-                    break
-                further, down = driven
-                again = self._pick.search.joined(cell, stand, up[-1], up[0], empty, "reach again", 0, WIDE)
-                at, low = len(up) - 1 - round(LIFT / STEP), round(LIFT / STEP)
-                return PickPlan(
-                    stand.vector, stand.pedestal, reach, up[: at + 1], up[at:], tuck, down[: low + 1], down[low:],
-                    again, np.linalg.inv(held), opened, further,
-                )  # fmt: skip
+        # Most picks fail at the place: grasps that no base reaches there are not looked at, and joint searches come last.
+        places: dict[int, list[Stand]] = {}
+        for there, k in itertools.islice(self._place.pairs(clear.tool, {"place": self._place.start}), PLACES):
+            places.setdefault(k, []).append(there)
+        some = sorted(places)
+        for stand, up, held, opened, k in itertools.islice(self._picks(clear[some]) if some else iter(()), PICKS):
+            found = self._joined(stand, up, held, opened, places[some[k]])
+            if found is not None:
+                return found
+            if self._pick.spend() or self._place.spend():
+                break
         misses = max((self._pick.search.misses, self._place.search.misses), key=lambda m: m.nearest.order)
         error = Unreachable(f"{self._task.target!r}: {misses.nearest}, from two bases")
         error.graspable = bool(len(clear.tool))
         raise error
+
+    def _joined(
+        self, stand: Stand, up: np.ndarray, held: np.ndarray, opened: float, places: list[Stand]
+    ) -> PickPlan | None:
+        """Return a plan with a base and the straight path at the start; None where it cannot be driven or joined."""
+        cell, search, body = self._pick.cell, self._pick.search, np.linalg.inv(stand.base) @ self._pick.start
+        empty = cell.empty(stand.base, opened, self._pick.points @ body[:3, :3].T + body[:3, 3])
+        holding = cell.holding(stand.base, opened, held, self._pick.points)
+        for tucked in self._tucked(stand, up[-1]):
+            if not cell.is_free(holding, tucked[None])[0]:
+                continue
+            driven = self._driven(stand, tucked, held, opened, places)
+            if driven is None:
+                continue
+            reach = search.joined(cell, stand, np.array(self._spec.home), up[0], empty, "reach", 3, WIDE)
+            if reach is None:
+                return None
+            tuck = search.joined(cell, stand, up[-1], tucked, holding, "carry away", 4)
+            if tuck is None:
+                continue
+            further, down = driven
+            again = search.joined(cell, stand, up[-1], up[0], empty, "reach again", 0, WIDE)
+            at, low = len(up) - 1 - round(LIFT / STEP), round(LIFT / STEP)
+            return PickPlan(
+                stand.vector, stand.pedestal, reach, up[: at + 1], up[at:], tuck, down[: low + 1], down[low:],
+                again, np.linalg.inv(held), opened, further,
+            )  # fmt: skip
+        return None
 
     def _clear(self) -> ObjectGrasps:
         """Return grasps of different directions that keep clear at both ends."""
@@ -109,28 +125,34 @@ class FarPlanner:
         yield from q[np.argsort(np.abs(q - lifted).max(axis=1), kind="stable")][: len(TUCKED)]
 
     def _driven(
-        self, stand: Stand, tucked: np.ndarray, held: np.ndarray, opened: float, grasp: np.ndarray
+        self, stand: Stand, tucked: np.ndarray, held: np.ndarray, opened: float, places: list[Stand]
     ) -> tuple[Driven, np.ndarray] | None:
         """Return the route to another base and what is done there, and joints of lowering and retreat [pose arm]; None: none."""
         place, points = self._place, self._pick.points
         tool = place.cell.kin.tool(tucked[None])[0]
         carried = (tool @ held)[:3, :3] @ points.T + (tool @ held)[:3, 3:]
-        now = self._floor.stands(stand.base, stand.pedestal)
-        loaded = self._floor.loaded(now, tucked, carried.T)
-        goal = self._task_goal(held)
-        pairs = place.pairs(grasp[None], {"place": place.start}, loaded)
-        for there, _ in itertools.islice(pairs, PLACES):
+        loaded = self._floor.loaded(self._floor.stands(stand.base, stand.pedestal), tucked, carried.T)
+        free = loaded.reachable(np.stack([self._floor.stands(each.base, each.pedestal) for each in places]))
+        for there in itertools.compress(places, free):
+            if place.spend():
+                break
             lower = Follow(
-                "lowering and retreat", 5, goal[None], place.meets, IK_SEEDS, clear=1, near=tucked[None], may_flip=False,
+                "lowering and retreat", 5, self._task_goal(held)[None], place.meets, IK_SEEDS, clear=1, near=tucked[None],
+                may_flip=False,
             )  # fmt: skip
+            down = next((path for _, path in place.search.followed([there], lower)), None)
+            if down is None:
+                continue
+            self._grasps.spend(ROUTE)
+            route = loaded.path(loaded.stands(there.base, there.pedestal), self._seed)
+            if route is None:
+                text = "drive: no free route of the base that carries the object was found"
+                place.search.misses.note(Miss(6, 0.0, text, there))
+                continue
             holding = place.cell.holding(there.base, opened, held, points)
-            for _, down in place.search.followed([there], lower):
-                carry = place.search.joined(place.cell, there, tucked, down[0], holding, "carry", 6, WIDE)
-                if carry is None:
-                    continue
-                route = loaded.path(loaded.stands(there.base, there.pedestal), self._seed)
-                if route is not None:
-                    return Driven(there.vector, there.pedestal, route, carry), down
+            carry = place.search.joined(place.cell, there, tucked, down[0], holding, "carry", 7, WIDE)
+            if carry is not None:
+                return Driven(there.vector, there.pedestal, route, carry), down
         return None
 
     def _task_goal(self, held: np.ndarray) -> np.ndarray:

@@ -85,11 +85,12 @@ class FreeFloor:
     def loaded(self, now: np.ndarray, arm: np.ndarray, held: np.ndarray) -> FreeFloor:
         """Return the same with the base elsewhere [4], the arm in other joints [arm], and points [point 3] that it carries.
 
-        The points are in the frame of the arm's root link.
+        The points are in the frame of the arm's root link. What is connected, a coarse rejection, stays that of the arm at home:
+        it costs seconds, and `path` looks at the route itself.
         """
+        _ = self._connected
         other = copy.copy(self)
         other.now, other._spheres = np.asarray(now, float), _spheres(self._spec, arm, held)
-        other.__dict__.pop("_connected", None)
         return other
 
     def free(self, q: np.ndarray) -> np.ndarray:

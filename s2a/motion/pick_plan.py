@@ -158,7 +158,7 @@ class PickPlanner:
         self.search = Search(spec, self.cell.kin, seed)
         self._solved, self._counted = 0, 0
 
-    def _spend(self) -> bool:
+    def spend(self) -> bool:
         """Count the work since the last call; return whether that, or the time, for plans with the object is used up."""
         work = self.cell.obstacles.lookups + SOLVING * self._solved
         late = self._grasps.spend(work - self._counted)
@@ -175,22 +175,22 @@ class PickPlanner:
                 tried.append((every, bool(clear)))
                 if clear and (plan := self._with(every[clear], fits)) is not None:
                     return plan
-                if len(clear) >= ENOUGH or self._spend():
+                if len(clear) >= ENOUGH or self.spend():
                     break
         nearest = 0.0 if any(is_clear for _, is_clear in tried) else self._least([every for every, _ in tried])
         size = float(np.ptp(self.points, axis=0).min())
         error = failure(self._target, nearest, size, self.search.misses, self._spec, self._grasps.ended)
         error.graspable = any(len(every.tool) > 0 for every, _ in tried)
-        if 0.0 < nearest < math.inf and not self._spend():
+        if 0.0 < nearest < math.inf and not self.spend():
             ends = (self.start, self.goal)
             error.crowded = next((at for at in ends if not any(self._is_clear(each, at) for each, _ in tried)), None)
-            self._spend()
+            self.spend()
         raise error
 
     def _with(self, grasps: ObjectGrasps, fits: Fits | None) -> PickPlan | None:
         places = {"grasp": self.start, "place": self.goal}
         pairs = chunks(itertools.islice(self.pairs(grasps.tool, places, fits=fits), PAIRS), AT_ONCE)
-        in_time = itertools.takewhile(lambda _: not self._spend(), pairs)
+        in_time = itertools.takewhile(lambda _: not self.spend(), pairs)
         ordered = shorter_first(self._paths(some, grasps) for some in in_time)
         return next(filter(None, map(self._joined, ordered)), None)
 
@@ -211,7 +211,7 @@ class PickPlanner:
         """
         later: list[tuple[Stand, int]] = []
         for some in chunks(self._bases(floor), BASES):
-            if self._spend():
+            if self.spend():
                 return
             stands = some if fits is None else fits(some)
             self._solved += len(stands) * len(grasps)
@@ -240,7 +240,7 @@ class PickPlanner:
             count = len(grasps.tool)
             for block in chunks(iter(range(0, count, math.ceil(max(count, 1) / SAMPLED))), BLOCK):
                 least = min(least, float(self.depth(grasps[block], least).min()))
-                if self._spend():
+                if self.spend():
                     return least
         return least
 
@@ -274,7 +274,7 @@ class PickPlanner:
                     chosen.append(k)
                 if len(chosen) == GRASPS:
                     return chosen
-            if self._spend():
+            if self.spend():
                 break
         return chosen
 

@@ -138,7 +138,10 @@ class LiveRoom:
     def about(self) -> dict[str, Any]:
         """Return what the record says of the whole simulation."""
         frames, names = self.frames, ("x", "y", "yaw", "lift")
-        peaks = np.abs(np.array(frames.qd).reshape(len(frames.qd), -1))[:, :4].max(axis=0, initial=0.0)
+        moved = np.abs([each[: len(names)] for each in frames.qd]).reshape(
+            -1, len(names)
+        )  # no frame: nothing was simulated
+        peaks = moved.max(axis=0, initial=0.0)
         robot = {name: (k, k) for k, name in enumerate((*names, *self._spec.joints))}
         single: dict[str, tuple[int, int]] = robot | {i: self._columns[i] for i in self._room.articulations}
         return {
@@ -160,7 +163,7 @@ class LiveRoom:
             except InputError as error:
                 outcome = Outcome(False, f"{skill.words}: {error}.", self.state)
             record["tries"].append(attempt | {"success": outcome.success, "reason": outcome.reason})
-            if outcome.success:
+            if outcome.success or len(self.frames.q) == attempt["step"]:  # nothing moved: it would be planned alike
                 break
         record |= {"success": outcome.success, "reason": outcome.reason, "ended": outcome.state.plain()}
         record |= {

@@ -177,18 +177,23 @@ def moving_mass(scene: Scene, members: Sequence[str], config: MassConfig) -> tup
     if rule.by == "volume":
         closed = hull(np.concatenate([scene.parts[i].mesh.vertices for i in members]))
         return config.bounded(rule.value * (volume(closed) if closed is not None else 0.0)), "volume of its hull"
-    width, height = front_size(scene.parts[members[0]].mesh, scene.joint(members[0]))
+    width, height = front_size(scene.parts[members[0]].mesh, scene.joint(members[0]), panel=not rule.box)
     mass = rule.value * width * height + _behind(width, height, scene.joint(members[0]), rule)
     return config.bounded(mass), f"{width:.2f} x {height:.2f} m of front of a {family or 'part'}"
 
 
-def front_size(mesh: Mesh, joint: Joint) -> tuple[float, float]:
-    """Return width and height [m] of a front as it opens: of the rectangle around it, horizontal where it stands upright."""
+def front_size(mesh: Mesh, joint: Joint, panel: bool = False) -> tuple[float, float]:
+    """Return width and height [m] of a front as it opens: of the rectangle around it, horizontal where it stands upright.
+
+    `panel`: nothing is behind it. One that slides within its own plane, as a sliding door does, is as wide as it is that way.
+    """
     if not mesh.face_areas.any():
         return 0.0, 0.0
     axes = plane_axes(opening_direction(joint, mesh.bounds.mean(axis=0)), mesh.vertices.astype(np.float64))
-    width, height, _ = np.subtract(*extents(mesh, axes)[::-1])
-    return float(width), float(height)
+    width, height, along = (float(each) for each in np.subtract(*extents(mesh, axes)[::-1]))
+    if panel and joint.kind == "prismatic" and along > min(width, height):
+        width, height = (along, height) if width < height else (width, along)
+    return width, height
 
 
 def _behind(width: float, height: float, joint: Joint, rule: MassRule) -> float:

@@ -47,6 +47,15 @@ def test_a_room_door_weighs_what_doors_do() -> None:
     assert weigh("door", panel(0.6, 0.7), hinge(0.6)) == pytest.approx(5.25, rel=0.01)
 
 
+@pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)])
+def test_a_panel_that_slides_within_its_plane_weighs_what_one_on_hinges_does(axis: tuple[float, float, float]) -> None:
+    sliding = Joint("prismatic", axis, (0.0, 0.0, 0.0), (0.0, 0.4))
+    for label in ("sliding door", "window", "mirror"):
+        assert weigh(label, panel(0.8, 2.0), sliding) == pytest.approx(
+            weigh(label, panel(0.8, 2.0), hinge(0.8)), rel=1e-3
+        )
+
+
 def test_a_drawer_weighs_its_front_box_and_contents() -> None:
     # Front 0.12 m^2 of 12.5 kg; bottom 0.6 x 0.4, and 0.14 m high two sides of 0.4 and a back of 0.6 m, of 8 kg; 15 kg/m^2 in it.
     boards = 0.6 * 0.4 + 0.14 * (0.4 + 0.4 + 0.6)

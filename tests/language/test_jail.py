@@ -7,8 +7,11 @@ import re
 import socket
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import newton_usd_schemas
 import numpy as np
+import pxr
 import pytest
 from harmless_scripts import scripts
 from hostile_scripts import ALL, GOOD
@@ -17,6 +20,7 @@ from placed_mug import CONFIG, PLAN, UPRIGHT, write_stage
 from s2a.core.errors import InputError
 from s2a.language.insert.batch import geometry_free_text, write
 from s2a.language.insert.prompts import ScriptResult, run_sandboxed, write_script
+from s2a.language.sandbox import jail
 from s2a.language.sandbox.diff import Placement
 from s2a.language.sandbox.jail import Sandbox, SandboxConfig
 from s2a.language.sandbox.operations import PolicyViolation
@@ -200,6 +204,24 @@ def test_a_refused_script_leaves_room_for_the_next_in_a_process_of_its_own(stage
         first, second = (run_sandboxed(sandbox, write_script(PLAN), PLAN) for _ in range(2))
     assert first.layer.ExportToString() == second.layer.ExportToString()
     assert first.record["active"] == list(CONFIG.layers)
+
+
+def test_packages_may_lie_in_folders_of_their_own_and_a_missing_one_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, package in (("pxr", pxr), ("newton_usd_schemas", newton_usd_schemas), ("np", np)):
+        link = tmp_path / name / package.__name__
+        link.parent.mkdir()
+        link.symlink_to(Path(str(package.__file__)).parent)
+        monkeypatch.setattr(jail, name, SimpleNamespace(__file__=str(link / "__init__.py")))
+    with Sandbox("#usda 1.0\n", CONFIG, False) as sandbox, pytest.raises(PolicyViolation):
+        sandbox.compare(b"#usda 1.0\n", PLAN)
+    link.unlink()
+    with (
+        Sandbox("#usda 1.0\n", CONFIG, False) as sandbox,
+        pytest.raises(InputError, match="did not start: ModuleNotFoundError: No module named 'numpy'$"),
+    ):
+        sandbox.compare(b"#usda 1.0\n", PLAN)
 
 
 def test_a_process_that_got_no_script_ends_with_the_cell() -> None:

@@ -19,11 +19,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import newton_usd_schemas
+import numpy as np
 import pxr
 from pxr import Sdf
 
+import s2a
 from s2a.core.bounds import Count, Positive
-from s2a.core.errors import InputError
+from s2a.core.errors import InputError, printable
 from s2a.core.outputs import temporary_folder
 from s2a.language.sandbox.diff import Placement
 from s2a.language.sandbox.operations import PolicyViolation
@@ -38,7 +41,8 @@ POLL_INTERVAL = 0.1  # Time between looks at the scratch folder [s]
 class Process:
     """An isolated interpreter with an empty environment, which runs `main` of a module of `s2a.language.sandbox`.
 
-    It has a scratch folder, and descriptors for its job, its reports and its result; what it prints is dropped.
+    It has a scratch folder, and descriptors for its job, its reports and its result; what it prints is dropped, but for the
+    last line of its errors, should it not start.
 
     Args:
         module: "worker" or "comparer".
@@ -50,11 +54,14 @@ class Process:
         own = self._open.enter_context(temporary_folder())  # which the next start deletes, should this one be killed
         scratch = self._scratch = self._open.enter_context(tempfile.TemporaryDirectory(dir=own))
         self._disk = job["disk"] * MEBIBYTE
-        self._result = self._open.enter_context(tempfile.TemporaryFile())
+        self._result, self._errors = (self._open.enter_context(tempfile.TemporaryFile()) for _ in range(2))
         reader, writer = os.pipe()
         self._reports = self._open.enter_context(open(reader, "rb", buffering=0))
         passed = {"report": writer, "result": self._result.fileno()}
-        folders = (str(Path(__file__).parents[3]), str(Path(pxr.__file__).parents[1]))
+        # Of each package that it imports: they need not lie in one folder (a system's numpy, USD by pip --target).
+        folders = dict.fromkeys(
+            str(Path(str(package.__file__)).parents[1]) for package in (s2a, pxr, np, newton_usd_schemas)
+        )
         # A file, for a pipe holds less than a geometry-free stage.
         with tempfile.TemporaryFile() as file:
             file.write(json.dumps({**job, **passed, "scratch": scratch}).encode())
@@ -63,7 +70,7 @@ class Process:
                 [sys.executable, "-I", "-S", "-B", "-c", START.format(module), str(file.fileno()), *folders],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
+                stderr=self._errors,
                 pass_fds=[*passed.values(), file.fileno()],
                 env={},
                 cwd=scratch,
@@ -77,6 +84,13 @@ class Process:
             line = self._reports.read(REPORT)
             self._active = tuple(json.loads(line)["active"]) if line else None
         return self._active
+
+    @property
+    def error(self) -> str:
+        """The last line that it wrote to its standard error, shortened; empty without one."""
+        self._errors.seek(0)
+        lines = self._errors.read(REPORT).decode(errors="replace").split("\n")
+        return printable(next((line for line in reversed(lines) if line.strip()), ""))[: REASON["process"]]
 
     def run(self, task: dict[str, Any], seconds: float) -> tuple[int | None, str | None]:
         """Hand over the task, and wait; return the exit code (None: it took too long) and the line it reported, if any.
@@ -285,9 +299,8 @@ class Sandbox:
         """Return the active layers of a process, once it has enabled them; raise an InputError if they do not suffice."""
         active = process.active(STARTING)
         if active is None:
-            raise InputError(
-                "the process that confines scripts did not start; check the free memory and disk, try again"
-            )
+            why = f": {process.error}" if process.error else "; check the free memory and disk, try again"
+            raise InputError(f"the process that confines scripts did not start{why}")
         guaranteed = {what for layer in active for what in GUARANTEES[layer]}
         missing = [what for what in self.config.required_guarantees if what not in guaranteed]
         if missing and guarantees and not self.trusted:

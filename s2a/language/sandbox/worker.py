@@ -242,6 +242,7 @@ def enable_layers(job: dict[str, Any], preload: Callable[[], None]) -> list[str]
     os.chdir(here)
     Path(job["stage"]).write_text(job["stage_text"])
     preload()
+    os.dup2(1, 2)  # errors until here are reported; what a script prints is dropped
     limit(job["cpu_seconds"], job["memory"], job["disk"])
     if active and not _enabled(drop_privileges):
         active.clear()

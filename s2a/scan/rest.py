@@ -189,10 +189,11 @@ FOOT, LIFTED, HUNG = 0.06, 0.5, 1.2
 # than this fraction of its area, from this distance on [m]
 APART, PART = 0.5, (0.25, 0.05)
 # Largest usual height [m] of what has a level top, by the last words of its label: what rises above the top of a higher one
-# stands on it or behind it. Height of the band in which the top is looked for; least vertical component of its normals
+# stands on it or behind it. Height of the band in which the top is looked for; least vertical component of its normals; least
+# fraction of the area below it
 USUAL = {"refrigerator": 2.0, "fridge": 2.0, "washing machine": 0.95, "dishwasher": 0.95, "desk": 0.85, "nightstand": 0.75,
          "coffee table": 0.6, "microwave": 0.4, "toaster oven": 0.38, "dishrack": 0.35, "dish rack": 0.35}  # fmt: skip
-TOP, UPWARDS = 0.08, 0.7
+TOP, UPWARDS, MOST = 0.08, 0.7, 0.5
 TOUCHING = 0.01  # Largest distance of the boxes of components that touch [m]
 
 
@@ -280,17 +281,27 @@ def _body(
 def _above_top(corners: np.ndarray, body: np.ndarray, usual: float) -> np.ndarray:
     """Return the faces of a body above its level top, where it is higher than usual [m], shape [face].
 
-    `corners`: of its faces [m], shape [face 3 3].
+    The top is the largest level surface that has most of the body below it: a shelf or an open lid has little.
+
+    Args:
+        corners: of its faces [m], shape [face 3 3].
+        body: faces of the body, shape [face].
+        usual: largest usual height [m].
     """
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area, middle = 0.5 * np.linalg.norm(cross, axis=1), corners[:, :, 2].mean(axis=1)
     height = middle - middle[body].min()
-    flat = body & (cross[:, 2] > 2 * UPWARDS * area) & (height < usual)
-    if height[body].max() <= usual or not flat.any():
+    if height[body].max() <= usual:
         return np.zeros(len(body), bool)
-    band = np.convolve(np.bincount((height[flat] / BIN).astype(int), area[flat]), np.ones(round(TOP / BIN)))
-    above = body & (height > BIN * (int(band.argmax()) + 1))
-    return above if area[above].sum() < IN_ALL * area[body].sum() else np.zeros(len(body), bool)
+    bins = (height / BIN).astype(int)
+    flat = body & (cross[:, 2] > 2 * UPWARDS * area) & (height < usual)
+    band = np.convolve(np.bincount(bins[flat], area[flat]), np.ones(round(TOP / BIN)))
+    below = np.cumsum(np.bincount(bins[body], area[body], len(band)))
+    band[below[: len(band)] < MOST * below[-1]] = 0.0
+    if not band.any():
+        return np.zeros(len(body), bool)
+    top = flat & (bins <= band.argmax()) & (bins > band.argmax() - round(TOP / BIN))
+    return body & (height > weighted_quantile(height[top], area[top], 0.9) + BIN)
 
 
 def _one_component(corners: np.ndarray, area: np.ndarray, component: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -145,6 +145,12 @@ def test_what_stands_on_a_piece_too_high_for_its_kind_is_no_part_of_it(label: st
     assert left(surface, owner, label)[1][2] == pytest.approx(height, abs=0.021)
 
 
+def test_a_top_is_no_open_lid_and_a_pile_on_it_may_be_large() -> None:
+    oven, lid = between(0.3, 0.7, 0.3, 0.8, 0.04, 0.3), between(0.7, 1.2, 0.3, 0.8, 0.04, 0.12)
+    surface, owner = scanned(oven, lid, between(0.35, 0.65, 0.35, 0.75, 0.26, 0.5))
+    assert left(surface, owner, "toaster oven")[1][2] == pytest.approx(0.26, abs=0.021)
+
+
 def test_edges_of_a_thin_front_stay_and_those_of_a_wall_go() -> None:
     surface, owner = scanned(between(0.1, 0.14, 0.3, 1.5, 0.5, 1.3), between(0.04, 0.1, 0.3, 0.7, 0.5, 0.52))
     assert left(surface, owner)[1][0] == pytest.approx(0.1, abs=0.001)

@@ -51,3 +51,9 @@ def test_the_object_is_seen_from_inside_the_room(case: str) -> None:
     image = render([part.mesh for part in scene.parts.values()], view, CAMERA).astype(int)
     red = (image[..., 0] > 60) & (image[..., 0] > 3 * image[..., 1])  # lit, in its own colour
     assert red.mean() > 0.002
+
+
+def test_what_hangs_on_a_wall_is_not_seen_through_it() -> None:
+    plate = at(block(0.3, 0.03, 0.3), 0.0, 1.985, 1.2)
+    scene = room(at(block(0.2, 0.2, 0.2), 0.0, 4.0, 0.0), plate)
+    assert viewpoint(scene, plate, np.array((0.0, 1.0, 0.0)), CAMERA).eye[1] < 2.0

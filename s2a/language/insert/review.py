@@ -21,6 +21,8 @@ AZIMUTHS, ELEVATIONS = 24, np.radians([5.0, 15.0, 25.0, 40.0, 60.0])
 # Height over width of what lies flat, and the least elevation from which it is looked at: edge-on it is a line
 FLAT, STEEP = 0.15, np.radians(25.0)
 CLOSER = (1.0, 0.6, 0.35, 0.2)  # Distances that are tried, as fractions of the camera's
+# Least distances, as multiples of that at which the object fills the image: the next where none shows the second share of it
+FITS, SEEN = (1.3, 0.7, 0.4), 0.15
 POINTS = 80  # Sampled on the object
 GAP = 0.002  # Rays start this far from the surface [m]
 LOW, HIGH = 0.15, 2.3  # Heights of the camera above the floor [m]
@@ -33,17 +35,24 @@ def viewpoint(scene: Scene, object: Mesh, front: np.ndarray, camera: OrbitCamera
 
     Args:
         scene: the room with the object in it.
-        object: in the scene [m].
+        object: in the scene [m], the mesh of one of its parts.
         front: horizontal direction that it faces, shape [3].
         camera: intrinsics; its margin is the largest distance, as a multiple of the one at which the object fills the image.
     """
     points = sample(object, POINTS, seed=0).astype(np.float64)
     middle = object.bounds.mean(axis=0).astype(np.float64)
-    eyes, nearness, facing = _eyes(scene, object, middle, front, camera)
+    room = merge(
+        [Mesh(part.mesh.vertices, part.mesh.faces) for part in scene.parts.values() if part.mesh is not object]
+    )
+    whole = merge([room, Mesh(object.vertices, object.faces)])
+    for fit in FITS:
+        eyes, nearness, facing = _eyes(scene, object, middle, front, camera, fit)
+        # What touches a wall is seen through it by rays from its back; points inside of it are not.
+        share = visible_fraction(whole, points, eyes, GAP) * visible_fraction(room, (points + middle) / 2, eyes, GAP)
+        if share.max(initial=0.0) >= SEEN:
+            break
     if not len(eyes):
-        eyes, nearness, facing = middle[None] + (0.0, 0.0, 1.0), np.ones(1), np.zeros(1)
-    room = merge([Mesh(part.mesh.vertices, part.mesh.faces) for part in scene.parts.values()])
-    share = visible_fraction(room, points, eyes, GAP)
+        eyes, share, nearness, facing = middle[None] + (0.0, 0.0, 1.0), np.ones(1), np.ones(1), np.zeros(1)
     merit = share + 0.15 * facing * share.max() - 0.5 * nearness * (share < ENOUGH * share.max())
     merit -= 0.1 * nearness * share.max()
     best = int(np.argmax(np.where(share >= ENOUGH * share.max(), merit, -1.0)))
@@ -51,9 +60,12 @@ def viewpoint(scene: Scene, object: Mesh, front: np.ndarray, camera: OrbitCamera
 
 
 def _eyes(
-    scene: Scene, object: Mesh, middle: np.ndarray, front: np.ndarray, camera: OrbitCamera
+    scene: Scene, object: Mesh, middle: np.ndarray, front: np.ndarray, camera: OrbitCamera, fit: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return possible eyes in the room [eye 3], how near each is (0 at the farthest) and how much in front, [eye] each."""
+    """Return possible eyes in the room [eye 3], how near each is (0 at the farthest) and how much in front, [eye] each.
+
+    `fit`: least distance, as a multiple of the one at which the object fills the image.
+    """
     radius = float(np.linalg.norm(np.ptp(object.bounds, axis=0))) / 2
     farthest = max(0.6, camera.margin / 2 * radius / np.tan(camera.fov / 2))
     heading = np.arctan2(front[1], front[0])
@@ -63,7 +75,7 @@ def _eyes(
     )
     level = np.cos(elevation)
     away = np.stack([level * np.cos(heading + azimuth), level * np.sin(heading + azimuth), np.sin(elevation)], axis=1)
-    distance = np.maximum(farthest * closer, 1.3 * radius / np.tan(camera.fov / 2))
+    distance = np.maximum(farthest * closer, fit * radius / np.tan(camera.fov / 2))
     eyes = middle + distance[:, None] * away
     (low, high), floor = bounds_of(scene), floor_height(scene)
     sides = np.ptp(object.bounds, axis=0)

@@ -82,7 +82,8 @@ def _row(part_id: str, joint: Joint, reached: Reached, truth: Joint) -> tuple[st
     angle = np.degrees(np.arccos(np.clip(np.dot(joint.axis, truth.axis), -1.0, 1.0)))
     # A slide's origin may lie anywhere: only its direction has a truth.
     off = np.linalg.norm(np.cross(np.subtract(joint.origin, truth.origin), truth.axis))
-    ranges = [f"{scale * a:.2f} to {scale * b:.2f} {unit}" for a, b in (joint.limits, (reached.lower, reached.upper))]
+    pairs = np.round(scale * np.array([joint.limits, (reached.lower, reached.upper)]), 2) + 0.0  # + 0.0: no "-0.00"
+    ranges = [f"{a:.2f} to {b:.2f} {unit}" for a, b in pairs]
     return (
         part_id,
         "slide" if slides else "hinge",

@@ -23,6 +23,7 @@ from typing import TypeVar
 import numpy as np
 
 from s2a.core import cache
+from s2a.core.progress import StdoutFilter
 
 # Threads of a process; and those that we gave a helper, which divides them among its own helpers
 THREADS, DIVIDED = "OMP_NUM_THREADS", "S2A_DIVIDED_THREADS"
@@ -152,6 +153,7 @@ def _begin(lifeline: Connection, shared: object) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal interrupts helpers too, but their work is ended for them
     threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
     logging.disable(logging.WARNING)
+    sys.stdout = StdoutFilter()  # what libraries print, such as Warp's kernel modules, is nobody's output
     _given.append(shared)
 
 

@@ -19,7 +19,7 @@ from s2a import scan
 from s2a.core.config import is_job
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.core.progress import StdoutFilter, track
+from s2a.core.progress import track
 from s2a.core.provenance import provenance
 from s2a.core.workers import apart
 from s2a.motion.trajectory import Demonstration, PlannerConfig
@@ -241,8 +241,7 @@ def _make(_: None, job: RoomJob) -> None:
 
     job.store(job.row)
     try:
-        with contextlib.redirect_stdout(StdoutFilter()):  # a helper has none of its own
-            job.make(timed)
+        job.make(timed)
         job.row["failed"] = ""
     except InputError as error:
         job.row["failed"] = f"{stage}: {error}"

@@ -101,7 +101,7 @@ class OpenPart(Task):
         values=terms(opening.opening, opening.grasped_fraction, opening.contact_force),
         logged=("grasp_success", "success", "final_success", "handle_success", "single_finger_success", "open_30cm"),
         success="final_success",
-        # 2 took the scanned surface alone for the region, without the hulls that complete it; 1 (until November 2026) counted
+        # 2 took the scanned surface alone for the region, without the hulls that complete it; 1 counted
         # control steps instead of opening, no opposed forces, and no other links.
         version=3,
     )

@@ -55,6 +55,11 @@ def test_few_items_need_no_helper(items: int, few: int, meanwhile: bool, monkeyp
     assert found == [3 * k for k in range(items)] and done == [1] * meanwhile
 
 
+def test_what_a_helper_prints_is_dropped(capfd: pytest.CaptureFixture[str]) -> None:
+    assert list(workers.apart(print, "Module load on device", ["cpu"], 1)) == [(0, None)]
+    assert capfd.readouterr().out == ""
+
+
 def test_what_a_helper_raises_is_raised() -> None:
     with pytest.raises(ZeroDivisionError):
         list(workers.spread(operator.truediv, 1, [0, 1, 1, 1, 1, 1, 1, 1]))

@@ -325,7 +325,7 @@ def nearest(name: str, names: Iterable[str]) -> str:
     """Return the end of an error message: the known names closest to a mistyped one, or all where none is close."""
     names = list(names)
     close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    return f"; did you mean: {', '.join(close)}" if close else f"; known: {', '.join(names)}"
+    return f"; did you mean: {', '.join(close)}" if close else f"; possible: {', '.join(names)}"
 
 
 def explain(error: Exception, names: Iterable[str]) -> str:
@@ -362,7 +362,7 @@ def _nearest_key(name: str, names: list[str]) -> str:
     close = difflib.get_close_matches(last, beside, n=3, cutoff=0.5)
     if close:
         return f"; did you mean: {', '.join(beside[each] for each in close)}"
-    return f"; known: {', '.join(beside.values())}"
+    return f"; possible: {', '.join(beside.values())}"
 
 
 def _beside(group: str, names: list[str]) -> dict[str, str]:

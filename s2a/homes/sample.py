@@ -79,7 +79,7 @@ def _check(entries: list[Entry], opened: Mapping[str, float]) -> None:
     joints = {entry.part_id: entry.piece.joint for entry in entries if entry.piece.joint is not None}
     for part_id, q in opened.items():
         if part_id not in joints:
-            raise InputError(f"open: {part_id!r} is not a part that moves; known: {', '.join(joints)}")
+            raise InputError(f"open: {part_id!r} is not a part that moves; possible: {', '.join(joints)}")
         lower, upper = joints[part_id].limits
         if not lower <= q <= upper:
             raise InputError(f"open: {part_id!r} at {q:g} is outside of its range {lower:g} to {upper:g}")

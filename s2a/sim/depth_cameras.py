@@ -112,7 +112,9 @@ class WorldCameras:
                 f"key 'depth_camera.pixel' is {list(config.pixel)}; give column and row from 0 to {size - 1}"
             )
         if config.pixel and len(sim.stages) > 1:
-            raise InputError(f"key 'depth_camera.pixel' is of one part, and there are {len(sim.stages)}; leave it out")
+            raise InputError(
+                f"key 'depth_camera.pixel' selects one part, and there are {len(sim.stages)}; leave it out"
+            )
         self._sim, self.config, self._size = sim, config, size
         self._n, self._device = sim.num_envs, sim.device
         with wp.ScopedDevice(sim.device):

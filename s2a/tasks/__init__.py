@@ -106,7 +106,7 @@ def read_stages(
     """
     if robot and robots.load(robot).drive is not None:
         raise InputError(
-            f"robot {robot!r} drives, which s2a do alone lets it; give one that stands still, robot={DEFAULT_ROBOT}"
+            f"robot {robot!r} has a driving base, which only s2a do supports; give one with a fixed base, robot={DEFAULT_ROBOT}"
         )
     if not pool.is_index(path):
         refuse_unphysical(path)

@@ -313,7 +313,7 @@ def weights_of(rewards: Terms, weights: Mapping[str, float]) -> list[float]:
     """Return the weights in the terms' order, 0 for those that are not given; InputError for an unknown name."""
     for name in weights:
         if name not in rewards:
-            raise InputError(f"reward term {name!r} does not exist; known: {', '.join(rewards)}")
+            raise InputError(f"reward term {name!r} does not exist; possible: {', '.join(rewards)}")
     return [float(weights.get(name, 0.0)) for name in rewards]
 
 

@@ -66,7 +66,7 @@ def read(path: Path) -> list[PoolPart]:
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: not an index of s2a pool ({error!r})") from error
     if not entries:
-        raise InputError(f"{path}: no part in it")
+        raise InputError(f"{path}: has no parts; make a pool with more rooms")
     return entries
 
 

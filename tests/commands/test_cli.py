@@ -45,7 +45,7 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
     ("arguments", "words"),
     [
         (["exprt"], ["'exprt'", "did you mean: export"]),
-        (["zzz"], ["'zzz'", "known: import, annotate, check, export, prepare"]),
+        (["zzz"], ["'zzz'", "possible: import, annotate, check, export, prepare"]),
         (["export", "--halp"], ["'--halp'", "--help"]),
         (["export", "scam=x", "out=y"], ["'scam'", "did you mean: scan"]),
         (["train", "ppo.iteration=3"], ["'ppo.iteration'", "ppo.iterations"]),

@@ -266,11 +266,11 @@ def test_keys_that_depend_on_the_task_are_told_by_their_whole_names(override: st
         ("voxel=0.01", "key 'voxel' is unknown; did you mean: detail.fusion.voxel"),
         (
             "prepare.free.mass.qqq=1",
-            "key 'prepare.free.mass.qqq' is unknown; known: prepare.free.mass.families.*, prepare.free.mass.default.*, ",
+            "key 'prepare.free.mass.qqq' is unknown; possible: prepare.free.mass.families.*, prepare.free.mass.default.*, ",
         ),
         (
             "zzz=1",
-            "key 'zzz' is unknown; known: detail.*, annotator.*, prepare.*, sim.*, task.*, planner.*, rooms, ",
+            "key 'zzz' is unknown; possible: detail.*, annotator.*, prepare.*, sim.*, task.*, planner.*, rooms, ",
         ),
     ],
 )

@@ -14,8 +14,8 @@ from s2a.language.do.live import LiveFrames
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        (("robot=panda_mobile", "images=shown"), "'images' is of a robot that stands still"),
-        (("robot=panda_mobile", "policy=pretrained"), "'policy' is of a robot that stands still"),
+        (("robot=panda_mobile", "images=shown"), "'images' needs a robot with a fixed base"),
+        (("robot=panda_mobile", "policy=pretrained"), "'policy' needs a robot with a fixed base"),
         (("states=s.npz",), "'states' is of a robot that drives"),
     ],
 )

@@ -62,7 +62,7 @@ def test_the_reward_is_the_weighted_sum_of_the_terms_as_observed_before_the_rese
 
 def test_an_unknown_reward_term_names_the_known_ones(stage: SimStage) -> None:
     sim = Simulation(stage, load(SimConfig, "sim/planner"), 1)
-    with pytest.raises(InputError, match="'heights' does not exist; known: height"):
+    with pytest.raises(InputError, match="'heights' does not exist; possible: height"):
         VecEnv(sim, Lift(sim), {"height": 1.0, "heights": 1.0}, 0)
 
 

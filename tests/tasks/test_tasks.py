@@ -68,7 +68,7 @@ def test_a_term_that_is_not_listed_weighs_nothing_and_an_unknown_one_is_refused(
     terms = tasks.task("open_part").REWARDS
     weights = dict(zip(terms, weights_of(terms, {"bonus": 2, "action": -1.0}), strict=True))
     assert {name: weight for name, weight in weights.items() if weight} == {"bonus": 2.0, "action": -1.0}
-    with pytest.raises(InputError, match="reward term 'fingers' does not exist; known: distance, rotation, opening"):
+    with pytest.raises(InputError, match="reward term 'fingers' does not exist; possible: distance, rotation, opening"):
         weights_of(terms, {"fingers": 1.0})
 
 

@@ -41,7 +41,7 @@ def run(config: Config) -> str:
     if not registration.one_room:
         raise InputError(
             f"{config.open}: {registration.alignment.overlap:.0%} of its surface lies on {config.closed}, "
-            f"at least {MIN_OVERLAP:.0%} do in one room; give two scans of one room, the same side up"
+            f"at least {MIN_OVERLAP:.0%} do in one room; give two scans of one room with one up axis"
         )
     if config.out:
         with atomic_write(config.out, files.REPORT) as out:

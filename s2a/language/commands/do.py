@@ -94,11 +94,9 @@ def run(config: Config) -> str:
         raise InputError(f"key 'images' is {str(config.images)!r}, a file; give a folder")
     drives = config.robot.drive is not None and not config.plan_only
     if not drives and config.states:
-        raise InputError(
-            "key 'states' is of a robot that drives and acts; give robot=panda_mobile, without plan_only=true"
-        )
+        raise InputError("key 'states' records a robot that drives; give robot=panda_mobile, without plan_only=true")
     if drives and (name := "images" if config.images else "policy" if config.policy else ""):
-        raise InputError(f"key {name!r} is of a robot that stands still; leave it out, or give robot=panda")
+        raise InputError(f"key {name!r} needs a robot with a fixed base; leave it out, or give robot=panda")
     refuse_unphysical(config.stage)
     model = choose(config.llm, config.record, rules)
     described = descriptive.read(config.scene) if config.scene else None
@@ -142,10 +140,10 @@ def _executor(config: Config, room: sim_stage.SimRoom) -> Any:
     known = {each.task.name for each in vars(config.skills).values()}
     if settings.policy and not settings.policy.world:
         raise InputError(
-            f"policy {config.policy}: does not say of which task it is; write it with s2a.api.export_policy (docs/own_network.md)"
+            f"policy {config.policy}: does not state its task; write it with s2a.api.export_policy (docs/own_network.md)"
         )
     if settings.policy and settings.policy.world and (task := settings.policy.world[1].name) not in known:
-        raise InputError(f"policy {config.policy}: of task {task}, and the skills are of {', '.join(sorted(known))}")
+        raise InputError(f"policy {config.policy}: of task {task}; give one of {', '.join(sorted(known))}")
 
     def executor(skill: Any, state: Any, number: int) -> Any:
         image = None

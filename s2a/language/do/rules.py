@@ -212,7 +212,7 @@ def resolve(words: str, facts: Facts, fits: Callable[[RoomPart], bool], what: st
         raise Unresolved("unknown", f"nothing in the room is called {wanted.noun or words!r}")
     parts = [i for i in named if fits(facts[i])] or _fitting_parts(wanted.noun, named, facts, fits)
     if not parts:
-        raise Unresolved("impossible", f"{wanted.noun!r} is nothing that {what}", named)
+        raise Unresolved("impossible", f"{wanted.noun!r} is not something that {what}", named)
     if all_fit:
         parts = named if set(parts) <= set(named) else parts
     for position in wanted.positions:
@@ -220,7 +220,7 @@ def resolve(words: str, facts: Facts, fits: Callable[[RoomPart], bool], what: st
     if len(parts) > 1:
         raise Unresolved("ambiguous", f"{len(parts)} parts fit {words!r}", parts)
     if not fits(facts[parts[0]]):
-        raise Unresolved("impossible", f"{parts[0]} is nothing that {what}", parts)
+        raise Unresolved("impossible", f"{parts[0]} is not something that {what}", parts)
     return parts[0]
 
 

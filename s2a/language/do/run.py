@@ -117,7 +117,7 @@ class Checker:
         for carrier in self._room.carriers(part.id):
             if self._is_open.get(carrier) and not self._drives:
                 raise ValidationFeedback(
-                    f"{part.id!r} hangs on {carrier!r}, which is open: base poses are of the shut one."
+                    f"{part.id!r} is mounted on {carrier!r}, which is open: base poses are valid while it is shut."
                 )
         return part
 

@@ -438,7 +438,7 @@ def _on_regions(
     if keep is not None and not upright:
         regions = [region for region in regions if any_allowed(keep, region.points(np.argwhere(region.free) + 0.5))]
         if not regions:
-            raise NoRoom("no free place on it is as wished")
+            raise NoRoom("no free place on it meets the request")
     for region in regions[:TRIED]:
         try:
             if pose.pose == "paper":

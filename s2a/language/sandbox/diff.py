@@ -240,7 +240,7 @@ def _check_attributes(prim: Sdf.PrimSpec, plan: Placement) -> list[str]:
         raise _violation(f"{prim.path}.xformOpOrder is {types['xformOpOrder']}; expected token[]")
     order = list(values.pop("xformOpOrder", None) or [])
     if others := sorted(name for name in values if not _operation(name, types[name])):
-        raise _violation(f"{prim.path} has {types[others[0]]} {others[0]!r}, which nobody planned")
+        raise _violation(f"{prim.path} has {types[others[0]]} {others[0]!r}, which is not planned")
     if len(order) > 3 or len(set(order)) != len(order) or set(order) != set(values):
         raise _violation(f"{prim.path}: xformOpOrder is {', '.join(order)[:80]}; expected translate, orient, scale")
     return order
@@ -254,7 +254,7 @@ def _operation(name: str, kind: str) -> bool:
 def _refuse_fields(spec: Sdf.Spec, harmless: tuple[str, ...]) -> None:
     """Raise if a prim or an attribute says anything that is not known to be harmless."""
     if others := sorted(set(spec.ListInfoKeys()) - set(harmless)):
-        raise _violation(f"{spec.path} has {others[0]!r}, which nobody planned; possible: {', '.join(harmless)}")
+        raise _violation(f"{spec.path} has {others[0]!r}, which is not planned; possible: {', '.join(harmless)}")
 
 
 def _check_pose(prim: Sdf.PrimSpec, operations: list[str], plan: Placement) -> None:

@@ -305,8 +305,8 @@ def _help(command: str, every: bool) -> str:
     files = [*config.folder().rglob("*.yaml"), *Path(__file__).parents[1].glob("robot/*/*.yaml")]
     files += [Path(each).expanduser() for each in os.environ.get("S2A_ROBOTS", "").split(os.pathsep)]
     texts = [f"{file}\n{file.read_text(encoding='utf-8')}" for file in sorted(files) if file.is_file()]
-    known = [command, str(every), os.environ.get("S2A_ROBOTS", ""), *texts]
-    return str(recall("help", known, make)["text"])
+    key = [command, str(every), os.environ.get("S2A_ROBOTS", ""), *texts]
+    return str(recall("help", key, make)["text"])
 
 
 def compose(command: str, arguments: Sequence[str]) -> dict[str, Any]:

@@ -172,11 +172,11 @@ class UsageLog:
 
     def total(self) -> dict[str, Any]:
         """Return the number of calls, the tokens, seconds and US dollars of what was asked, and how many were replayed."""
-        asked = [entry for entry in self.entries if not entry.get("replayed")]
-        prompt, completion = (sum(entry[key] for entry in asked) for key in ("prompt_tokens", "completion_tokens"))
+        billed = [entry for entry in self.entries if not entry.get("replayed")]
+        prompt, completion = (sum(entry[key] for entry in billed) for key in ("prompt_tokens", "completion_tokens"))
         return {
-            "calls": len(asked),
-            "replayed": len(self.entries) - len(asked),
+            "calls": len(billed),
+            "replayed": len(self.entries) - len(billed),
             "prompt_tokens": prompt,
             "completion_tokens": completion,
             "seconds": round(sum(entry["seconds"] for entry in self.entries), 3),

@@ -270,25 +270,25 @@ def free_motion(
     info = setup.getSpaceInformation()
     info.setMotionValidator(_line_check(base)(info, search, count))
     setup.setPlanner(geometric.RRTConnect(info))
-    setup.solve(base.PlannerTerminationCondition(lambda: search.asked >= checks))
+    setup.solve(base.PlannerTerminationCondition(lambda: search.count >= checks))
     if not setup.haveExactSolutionPath():
         return None
-    search.asked = 0
-    setup.simplifySolution(base.PlannerTerminationCondition(lambda: search.asked >= SHORTENING))
+    search.count = 0
+    setup.simplifySolution(base.PlannerTerminationCondition(lambda: search.count >= SHORTENING))
     path = setup.getSolutionPath()
     corners = np.array([_joints(path.getState(i), count) for i in range(path.getStateCount())])
     return _rounded(corners, free)
 
 
 class _Counted:
-    """What says whether joints are free, and how many it was asked about."""
+    """Function that tells whether joints are free, with the number of joint positions that it was given."""
 
     def __init__(self, free: Free) -> None:
-        self._free, self.asked = free, 0
+        self._free, self.count = free, 0
 
     def all_free(self, q: np.ndarray) -> bool:
         """Return whether all of some joints [pose arm] are free."""
-        self.asked += len(q)
+        self.count += len(q)
         return bool(self._free(q).all())
 
 

@@ -137,13 +137,13 @@ def _settings(config: Config) -> ExecutionConfig:
 def _executor(config: Config, room: sim_stage.SimRoom) -> Any:
     """Return what executes a skill in an episode of its own."""
     settings = _settings(config)
-    known = {each.task.name for each in vars(config.skills).values()}
+    tasks = {each.task.name for each in vars(config.skills).values()}
     if settings.policy and not settings.policy.world:
         raise InputError(
             f"policy {config.policy}: does not state its task; write it with s2a.api.export_policy (docs/own_network.md)"
         )
-    if settings.policy and settings.policy.world and (task := settings.policy.world[1].name) not in known:
-        raise InputError(f"policy {config.policy}: of task {task}; give one of {', '.join(sorted(known))}")
+    if settings.policy and settings.policy.world and (task := settings.policy.world[1].name) not in tasks:
+        raise InputError(f"policy {config.policy}: of task {task}; give one of {', '.join(sorted(tasks))}")
 
     def executor(skill: Any, state: Any, number: int) -> Any:
         image = None

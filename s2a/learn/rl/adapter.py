@@ -121,8 +121,8 @@ class RslRlEnv(RslRlVecEnv):
         states = {"torch": torch.get_rng_state()}
         if torch.device(self.device).type == "cuda":
             states["cuda"] = torch.cuda.get_rng_state(self.device)
-        kept = {"counted": self.counted, "recent": self.recent, "unaided": self.unaided, "terms": self._terms}
-        sums = {name: values.clone() for name, values in kept.items()}
+        totals = {"counted": self.counted, "recent": self.recent, "unaided": self.unaided, "terms": self._terms}
+        sums = {name: values.clone() for name, values in totals.items()}
         taught = {"teacher": self._teacher.state_dict(), "taught": self._taught} if self._teacher else {}
         return {
             "worlds": self.env.state_dict(),

@@ -91,7 +91,7 @@ def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Check:
     """Judge the up axis by what looks up and down between floor and ceiling."""
     excess = underside(points, facing)
     if np.isnan(excess):
-        return Check("up_side", "skipped", message="nothing level stands between floor and ceiling")
+        return Check("up_side", "skipped", message="nothing level is between floor and ceiling")
     message = f"between floor and ceiling {(1 + excess) / 2:.0%} of what is level looks along +z, as tabletops do"
     good = excess >= bounds.underside
     status: Status = "pass" if good else "fail" if excess < -bounds.underside else "warn"
@@ -122,9 +122,9 @@ def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Che
     if not odd:
         return Check(UNITS, "pass", height, bounds.heights[1], "m", message=message)
     remedy = (
-        f"possible: {bounds.heights[0]:g} to {bounds.heights[1]:g} m, {bounds.surfaces[0]:g} to {bounds.surfaces[1]:g} m, "
-        f"{1000 * bounds.handles[0]:g} to {1000 * bounds.handles[1]:g} mm; scale mesh and joints to metres (feet x 0.3048, "
-        "inches x 0.0254, cm x 0.01)"
+        f"possible: rooms {bounds.heights[0]:g} to {bounds.heights[1]:g} m high, surfaces at {bounds.surfaces[0]:g} to "
+        f"{bounds.surfaces[1]:g} m, handles of {1000 * bounds.handles[0]:g} to {1000 * bounds.handles[1]:g} mm; scale mesh and "
+        "joints to metres (feet x 0.3048, inches x 0.0254, cm x 0.01)"
     )
     status: Status = "fail" if odd >= min(2, len(measured)) else "warn"
     return Check(UNITS, status, height, bounds.heights[1], "m", message=message, remedy=remedy)

@@ -128,11 +128,11 @@ class ScanSurface:
         length = np.linalg.norm(way, axis=2)
         way = way / np.maximum(length, 1e-9)[..., None]
         incidence = way @ normal
-        asked = np.abs(incidence) > grazing
-        start = (points[:, None] + 0.01 * way)[asked]
-        free = visible_distance(self.tree, start, way[asked], min(REACH, float(length.max())))[0]
+        oblique = np.abs(incidence) > grazing
+        start = (points[:, None] + 0.01 * way)[oblique]
+        free = visible_distance(self.tree, start, way[oblique], min(REACH, float(length.max())))[0]
         open_ = np.zeros(length.shape, bool)
-        open_[asked] = free > length[asked] - 0.02
+        open_[oblique] = free > length[oblique] - 0.02
         sides = []
         for side in (incidence > grazing, incidence < -grazing):
             sides.append(float((open_ & side).sum() / max(1, side.size)))

@@ -16,7 +16,7 @@ from s2a.language.do.live import LiveFrames
     [
         (("robot=panda_mobile", "images=shown"), "'images' needs a robot with a fixed base"),
         (("robot=panda_mobile", "policy=pretrained"), "'policy' needs a robot with a fixed base"),
-        (("states=s.npz",), "'states' is of a robot that drives"),
+        (("states=s.npz",), "'states' records a robot that drives"),
     ],
 )
 def test_what_a_robot_cannot_do_is_not_left_out_silently(keys: tuple[str, ...], message: str) -> None:

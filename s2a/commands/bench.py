@@ -128,7 +128,7 @@ def run(config: Config) -> str:
         about |= {"verifies": str(config.verify), "draw": draw, "doubts": why}
     with atomic_write(config.out) as file:
         file.write_text(json.dumps({**about, **tables, **provenance(device)}, indent=1))
-    lines = [f"{config.out}: {who}, {config.episodes} episodes per part", *_table(tables["over_parts"], shown)]
+    lines = [f"{config.out}: {who}, episodes per part: {config.episodes}", *_table(tables["over_parts"], shown)]
     if claim:
         lines.insert(1, f"  {config.verify}: {'refused' if why else 'confirmed'} by {len(entries)} drawn parts")
         lines[2:2] = [f"    {each}" for each in why]

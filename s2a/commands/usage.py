@@ -48,7 +48,10 @@ def command(name: str, meaning: str, cls: type, every: bool = False) -> str:
         if every or "." not in key:
             lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, texts)}".rstrip())
     if inside and not every:
-        lines += ["", *(f"  {f'{group}.*':40} {n} keys: {texts.get(group, '')}" for group, n in inside.items())]
+        lines += [
+            "",
+            *(f"  {f'{group}.*':40} {n} key{'s' * (n > 1)}: {texts.get(group, '')}" for group, n in inside.items()),
+        ]
         lines += [f"  s2a {name} --help-all lists them."]
     return "\n".join([*lines, *options(name, cls)])
 
@@ -109,7 +112,8 @@ def options(name: str, cls: type) -> list[str]:
     required = [f"{key}=given" for key, value in config.leaves(config.compose(name)) if value == config.REQUIRED]
     for group, names in choices.items():
         choices[group] = [each for each in names if _loads(name, cls, [*required, f"{group}={each}"])]
-    return ["", *(f"  {group}=...  one of: {', '.join(names)}" for group, names in choices.items())] if choices else []
+    lines = [f"  {group}=...  one of: {', '.join(names)}" for group, names in choices.items() if len(names) > 1]
+    return ["", *lines] if lines else []
 
 
 def _loads(name: str, cls: type, overrides: Sequence[str]) -> bool:

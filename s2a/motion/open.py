@@ -279,7 +279,7 @@ def planned_path(
         raise failure
     asked, moved = (abs(float(p.q[-1] - p.q[p.grasp])) * stage.lever_arm for p in (tried[0], best[0]))
     if moved < asked:
-        text = "%s: %s is moved by %.2f m of %.2f m, further the arm meets something"
+        text = "%s: %s is moved by %.2f m instead of %.2f m: farther, the arm collides or cannot reach"
         _log.warning(text, stage.path, stage.target, moved, asked)
     return best
 

@@ -160,12 +160,13 @@ class GripConfig:
     max_penetration: NotNegative = 0.001  # of the open gripper on its approach [m]
     # how far the part is open meanwhile, as displacement of the grasp point [m]; at most half of its range
     opened: NotNegative = 0.05
-    # of each finger [N], which it closes with at the gripper's speed: a faster one digs into thin hulls. The Franka Hand holds
-    # with up to 70 N
-    force: Positive = 30.0
+    force: Positive = 30.0  # of each closing finger [N]; the Franka Hand holds with up to 70 N
+    # of each finger as it closes, at most the gripper's [m/s]: a faster one digs into the hulls before it stops, and where two
+    # of them meet it then counts as wedged between them
+    speed: Positive = 0.005
     damping: NotNegative = 100.0  # of each closed finger [N s/m]
     gear: NotNegative = 20000.0  # how stiffly the closed fingers resist moving to one side together [N/m]
-    close_time: Positive = 0.4  # after the fingers, at their speed, could have closed [s]
+    close_time: Positive = 0.4  # after the fingers could have closed [s]
     pull: NotNegative = 20.0  # along the joint, towards its closed end, while the gripper stands still [N]
     pull_time: Positive = 1.0  # how long [s]
     slip: NotNegative = 0.002  # how far the part may move meanwhile [m]
@@ -241,7 +242,8 @@ def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: Gr
     are, and it stands still: equal forces alone would follow a load from one finger to the other.
     """
     stage, joint, fingers, dofs = world.stage, world.joint, world.fingers, world.finger_dofs
-    data, ratio, speed = world.data(q, opening), world.robot.gripper.ratio, world.robot.gripper.finger_speed
+    data, gripper = world.data(q, opening), world.robot.gripper
+    ratio, speed = gripper.ratio, min(gripper.finger_speed, config.speed / gripper.ratio)
     world.mj.opt.timestep, world.mj.dof_damping[dofs] = config.dt, config.force * ratio / speed
     world.place_gripper(data, _gripper_pose(world, q, depth))
     pull, towards = -world.sign * config.pull * world.lever_arm, 1.0 if stage.internal else -1.0
@@ -258,7 +260,7 @@ def _hold(world: MujocoWorld, q: float, depth: float, opening: float, config: Gr
 
     region = f"/scene/{stage.target}/region"
     grips = "opens" if stage.internal else "closes"
-    run(world.robot.gripper.finger_joint_open / speed + config.close_time, 0.0, carried=True)
+    run(gripper.finger_joint_open / speed + config.close_time, 0.0, carried=True)
     if missing := _missing(world, data):
         between = f"the gripper {grips} to {1000 * ratio * data.qpos[fingers].sum():.0f} mm, but {missing}"
         return GripTest(False, between, None, region)

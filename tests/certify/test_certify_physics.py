@@ -161,6 +161,31 @@ def test_the_hand_holds_a_bar_of_known_thickness(stage: Path) -> None:
     assert 0.0 <= attempt.slip < CONFIG.grip.slip
 
 
+def test_fingers_are_not_wedged_between_hulls_that_meet_unevenly(stage: Path) -> None:
+    def uneven(edited: Usd.Stage) -> None:
+        """The bar is of three hulls; from below the middle one, 16 mm long, lies 2.3 mm deeper than its neighbours."""
+        hulls, (x, y, z) = f"{TARGET}/colliders", HANDLE
+        for name, middle, length, low in (
+            ("00", 0.0, 0.016, 0.0096),
+            ("08", -0.046, 0.076, 0.0119),
+            ("09", 0.046, 0.076, 0.0119),
+        ):
+            if name != "00":
+                Sdf.CopySpec(edited.GetRootLayer(), f"{hulls}/hull_00", edited.GetRootLayer(), f"{hulls}/hull_{name}")
+            reshape(
+                edited,
+                f"{hulls}/hull_{name}",
+                box((x, y + middle, z + 0.00595 - low / 2), (0.0071, length / 2, 0.00595 + low / 2)),
+            )
+
+    edit(stage, uneven)
+    # The pads are 17.6 mm wide: on either side 0.8 mm rest on a neighbour, so that they stop at the 23.8 mm of the bar, if they
+    # do not dig in before.
+    world = MujocoWorld(stage, CONFIG.physics)
+    slow, fast = (grasp.grip(world, config) for config in (CONFIG.grip, replace(CONFIG.grip, speed=0.05)))
+    assert slow.holds and slow.message.startswith("23 mm") and fast.message.startswith("20 mm")
+
+
 def test_what_falls_shut_is_held_open_until_the_hand_has_closed(stage: Path) -> None:
     edit(stage, upright)
     # In the 0.6 s in which the hand closes it would fall all the 50 mm that it is open.

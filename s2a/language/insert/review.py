@@ -22,7 +22,7 @@ AZIMUTHS, ELEVATIONS = 24, np.radians([5.0, 15.0, 25.0, 40.0, 60.0])
 FLAT, STEEP = 0.15, np.radians(25.0)
 CLOSER = (1.0, 0.6, 0.35, 0.2)  # Distances that are tried, as fractions of the camera's
 # Least distances, as multiples of that at which the object fills the image: the next where none shows the second share of it
-FITS, SEEN = (1.3, 0.7, 0.4), 0.15
+FITS, SEEN = (1.3, 1.0, 0.7, 0.4), 0.15
 POINTS = 80  # Sampled on the object
 GAP = 0.002  # Rays start this far from the surface [m]
 LOW, HIGH = 0.15, 2.3  # Heights of the camera above the floor [m]

@@ -5,22 +5,41 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from s2a.motion.floor import FreeFloor
 from s2a.motion.grasps import SAMPLES, GraspCache, ObjectGrasps
 from s2a.motion.gripper import Contact
-from s2a.motion.pick_plan import DROP, LIFT, STEP, WIDE, Driven, PickPlan, PickPlanner, PickTask, there_and_up
-from s2a.motion.search import EXACT, IK_SEEDS, Follow, Miss, Stand, Unreachable
+from s2a.motion.pick_plan import (
+    AT_ONCE,
+    BRANCHES,
+    DROP,
+    LIFT,
+    PAIRS,
+    STEP,
+    WIDE,
+    Driven,
+    PickPlan,
+    PickPlanner,
+    PickTask,
+    there_and_up,
+)
+from s2a.motion.search import EXACT, IK_SEEDS, Follow, Miss, Stand, Unreachable, chunks
+from s2a.motion.workcell import Depth, Workcell, lines
 from s2a.robot.spec import RobotSpec
 
-PICKS, PLACES = 6, 96  # Bases with a grasp from which a pick is planned to the end; bases with a grasp for the place
+PICKS, PLACES, TURNED = 12, 24, 6  # Ends at the start and at the place that are joined; ways to carry between two of them
 # Comparisons of a sphere with the room that take as long as a search for a route of the base
 ROUTE = 300_000
-# [m] In the frame of the arm's root link: tool frames in which an object is carried, upright as it was lifted
-TUCKED = ((0.40, 0.0, 0.50), (0.35, 0.0, 0.65), (0.45, 0.0, 0.40), (0.30, -0.2, 0.55), (0.30, 0.2, 0.55))
+# [m] In the frame of the arm's root link, before the arm's first joint turns: tool frames in which an object is carried
+TUCKED = ((0.40, 0.0, 0.50), (0.35, 0.0, 0.65), (0.45, 0.0, 0.40), (0.35, 0.0, 0.35), (0.30, -0.2, 0.55), (0.30, 0.2, 0.55))
+ASIDE = 9  # Turns of the first joint: over its own deck the arm needs no more floor than the base
+CARRIED = 24  # Of these joints
 STARTS = 8  # Of the inverse kinematics of each
+SAME = 3e-3  # [m] and rad: by which two ends of a grasp differ where the fingers are not exchanged
 
 
 def plan_far(task: PickTask, spec: RobotSpec, contact: Contact, grasps: GraspCache, seed: int = 0) -> PickPlan:
@@ -30,6 +49,19 @@ def plan_far(task: PickTask, spec: RobotSpec, contact: Contact, grasps: GraspCac
         Unreachable: no grasp, base or path was found.
     """
     return FarPlanner(task, spec, contact, grasps, seed).plan()
+
+
+@dataclass(frozen=True)
+class Placing:
+    """How an object is placed from one base."""
+
+    stand: Stand  # the base
+    down: np.ndarray  # joints of lowering and retreat, shape [pose arm]
+    held: np.ndarray  # the object in the tool frame [4 4]
+
+    def holds(self, held: np.ndarray) -> bool:
+        """Return whether the object is held as at `held` [4 4] in the tool frame: fingers exchanged are another grasp."""
+        return bool(np.abs(self.held - held)[:3].max() < SAME)
 
 
 class FarPlanner:
@@ -46,13 +78,13 @@ class FarPlanner:
     def plan(self) -> PickPlan:
         """Return the first plan; Unreachable: there is none."""
         clear = self._clear()
-        # Most picks fail at the place: grasps that no base reaches there are not looked at, and joint searches come last.
-        places: dict[int, list[Stand]] = {}
-        for there, k in itertools.islice(self._place.pairs(clear.tool, {"place": self._place.start}), PLACES):
-            places.setdefault(k, []).append(there)
+        # Most picks fail at the place: grasps that no base places with are not looked at, and joint searches come last.
+        places: dict[int, list[Placing]] = {}
+        for k, placing in itertools.islice(self._places(clear), PLACES):
+            places.setdefault(k, []).append(placing)
         some = sorted(places)
         for stand, up, held, opened, k in itertools.islice(self._picks(clear[some]) if some else iter(()), PICKS):
-            found = self._joined(stand, up, held, opened, places[some[k]])
+            found = self._joined(stand, up, held, opened, [each for each in places[some[k]] if each.holds(held)])
             if found is not None:
                 return found
             if self._pick.spend() or self._place.spend():
@@ -63,30 +95,31 @@ class FarPlanner:
         raise error
 
     def _joined(
-        self, stand: Stand, up: np.ndarray, held: np.ndarray, opened: float, places: list[Stand]
+        self, stand: Stand, up: np.ndarray, held: np.ndarray, opened: float, places: list[Placing]
     ) -> PickPlan | None:
         """Return a plan with a base and the straight path at the start; None where it cannot be driven or joined."""
         cell, search, body = self._pick.cell, self._pick.search, np.linalg.inv(stand.base) @ self._pick.start
         empty = cell.empty(stand.base, opened, self._pick.points @ body[:3, :3].T + body[:3, 3])
         holding = cell.holding(stand.base, opened, held, self._pick.points)
-        for tucked in self._tucked(stand, up[-1]):
-            if not cell.is_free(holding, tucked[None])[0]:
-                continue
-            driven = self._driven(stand, tucked, held, opened, places)
-            if driven is None:
+        tucks: dict[bytes, np.ndarray | None] = {}
+        for tucked, loaded, placing in itertools.islice(self._ways(stand, up[-1], held, opened, places), TURNED):
+            if self._pick.spend() or self._place.spend():
+                break
+            key = tucked.tobytes()
+            if key not in tucks:
+                tucks[key] = search.joined(cell, stand, up[-1], tucked, holding, "carry away", 4)
+            tuck = tucks[key]
+            driven = None if tuck is None else self._driven(loaded, tucked, held, opened, placing)
+            if tuck is None or driven is None:
                 continue
             reach = search.joined(cell, stand, np.array(self._spec.home), up[0], empty, "reach", 3, WIDE)
             if reach is None:
                 return None
-            tuck = search.joined(cell, stand, up[-1], tucked, holding, "carry away", 4)
-            if tuck is None:
-                continue
-            further, down = driven
             again = search.joined(cell, stand, up[-1], up[0], empty, "reach again", 0, WIDE)
             at, low = len(up) - 1 - round(LIFT / STEP), round(LIFT / STEP)
             return PickPlan(
-                stand.vector, stand.pedestal, reach, up[: at + 1], up[at:], tuck, down[: low + 1], down[low:],
-                again, np.linalg.inv(held), opened, further,
+                stand.vector, stand.pedestal, reach, up[: at + 1], up[at:], tuck, placing.down[: low + 1],
+                placing.down[low:], again, np.linalg.inv(held), opened, driven,
             )  # fmt: skip
         return None
 
@@ -105,61 +138,111 @@ class FarPlanner:
         """Yield bases, joints of approach and lift [pose arm], the object in the tool frame, distance of the pads, the grasp."""
         for stand, k in self._pick.pairs(grasps.tool, {"grasp": self._pick.start}):
             poses = there_and_up(self._pick.start @ grasps.tool[k], self._task.approach)[None]
-            up = Follow("approach and lift", 1, poses, self._pick.meets, IK_SEEDS, clear=1)
+            up = Follow("approach and lift", 1, poses, self._pick.meets, IK_SEEDS, clear=BRANCHES)
             for _, path in self._pick.search.followed([stand], up):
                 at = len(path) - 1 - round(LIFT / STEP)
                 tool = self._pick.cell.kin.tool(path[at : at + 1])[0]
                 held = np.linalg.inv(tool) @ np.linalg.inv(stand.base) @ self._pick.start
                 yield stand, path, held, float(grasps.opened[k]), k
 
-    def _tucked(self, stand: Stand, lifted: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield joints [arm] in which the arm carries the object near itself, turned as it is when lifted [arm]."""
+    def _places(self, grasps: ObjectGrasps) -> Iterator[tuple[int, Placing]]:
+        """Yield grasps, and bases and joints with which the object is placed."""
+        place, low = self._place, round(LIFT / STEP)
+        goal = place.start.copy()
+        goal[2, 3] += DROP
+        pairs = itertools.islice(place.pairs(grasps.tool, {"place": place.start}), PAIRS)
+        for some in itertools.takewhile(lambda _: not place.spend(), chunks(pairs, AT_ONCE)):
+            poses = np.stack([there_and_up(goal @ grasps.tool[k], self._task.approach)[::-1] for _, k in some])
+            lower = Follow("lowering and retreat", 1, poses, place.meets, IK_SEEDS)
+            kept: dict[int, list[Placing]] = {}  # One with the fingers either way
+            for n, path in place.search.followed([stand for stand, _ in some], lower):
+                tool = place.cell.kin.tool(path[low : low + 1])[0]
+                one = Placing(some[n][0], path, np.linalg.inv(tool) @ np.linalg.inv(some[n][0].base) @ goal)
+                if not any(each.holds(one.held) for each in kept.setdefault(n, [])):
+                    kept[n].append(one)
+                    yield some[n][1], one
+
+    def _ways(
+        self, stand: Stand, lifted: np.ndarray, held: np.ndarray, opened: float, places: list[Placing]
+    ) -> Iterator[tuple[np.ndarray, FreeFloor, Placing]]:
+        """Yield joints [arm] to carry with, the floor that is free for that, and places that it connects with the start.
+
+        First those that the arm reaches straight at both ends: searches for its motions cost far more than all else.
+        """
+        if not places:
+            return
+        pick, place, points = self._pick.cell, self._place.cell, self._pick.points
+        holding = pick.holding(stand.base, opened, held, points)
+        now = self._floor.stands(stand.base, stand.pedestal)
+        tucked = np.concatenate([lifted[None], self._tucked(lifted)])
+        count = 0
+        later: list[tuple[np.ndarray, FreeFloor, Placing]] = []
+        text = "drive: the base that carries the object is not free to leave or to arrive"
+        for q in tucked[pick.is_free(holding, tucked)]:
+            loaded = self._floor.loaded(now, q, self._carried(q, held))
+            if not loaded.free(now[None])[0]:
+                continue
+            leaves = _is_direct(pick, holding, lifted, q)
+            for placing in places:
+                there = placing.stand
+                if not loaded.reachable(self._floor.stands(there.base, there.pedestal)[None])[0]:
+                    self._place.search.misses.note(Miss(2, 0.0, text, there))
+                    continue
+                depth = place.holding(there.base, opened, held, points)
+                if leaves and _is_direct(place, depth, q, placing.down[0]):
+                    yield q, loaded, placing
+                else:
+                    later.append((q, loaded, placing))
+            count += 1
+            if count == CARRIED:
+                break
+        yield from later
+
+    def _carried(self, q: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return points [point 3] of the object that the arm holds in joints [arm], in the frame of its root link."""
+        body = self._pick.cell.kin.tool(q[None])[0] @ held
+        return self._pick.points @ body[:3, :3].T + body[:3, 3]
+
+    def _tucked(self, lifted: np.ndarray) -> np.ndarray:
+        """Return joints [pose arm] in which the arm carries the object near itself, upright as it is when lifted [arm]."""
         kin = self._pick.cell.kin
         tool = kin.tool(lifted[None])[0]
-        poses = np.tile(tool, (len(TUCKED), 1, 1))
-        poses[:, :3, 3] = TUCKED
+        ahead = Rotation.from_euler("z", -math.atan2(tool[1, 2], tool[0, 2])).as_matrix()
+        poses = np.tile(tool, (2, len(TUCKED), 1, 1))
+        poses[1, :, :3, :3] = ahead @ tool[:3, :3]  # which most arms reach
+        poses[:, :, :3, 3] = TUCKED
+        poses = poses.reshape(-1, 4, 4)
         starts = np.random.default_rng(self._seed).uniform(kin.lower, kin.upper, (STARTS, len(lifted)))
         starts[0], starts[1] = lifted, self._spec.home
         q, left = kin.solve(np.repeat(poses, STARTS, axis=0), np.tile(starts, (len(poses), 1)), 40, 1e-2)
         q = q[left < EXACT]
-        yield from q[np.argsort(np.abs(q - lifted).max(axis=1), kind="stable")][: len(TUCKED)]
+        turned = np.repeat(q, ASIDE, axis=0)
+        turned[:, 0] = np.tile(np.linspace(0.95 * kin.lower[0], 0.95 * kin.upper[0], ASIDE), len(q))
+        turned = np.concatenate([q, turned])
+        _, first = np.unique(turned.round(1), axis=0, return_index=True)
+        turned = turned[np.sort(first)]
+        return turned[np.argsort(np.abs(turned - lifted).max(axis=1), kind="stable")]
 
     def _driven(
-        self, stand: Stand, tucked: np.ndarray, held: np.ndarray, opened: float, places: list[Stand]
-    ) -> tuple[Driven, np.ndarray] | None:
-        """Return the route to another base and what is done there, and joints of lowering and retreat [pose arm]; None: none."""
-        place, points = self._place, self._pick.points
-        tool = place.cell.kin.tool(tucked[None])[0]
-        carried = (tool @ held)[:3, :3] @ points.T + (tool @ held)[:3, 3:]
-        loaded = self._floor.loaded(self._floor.stands(stand.base, stand.pedestal), tucked, carried.T)
-        free = loaded.reachable(np.stack([self._floor.stands(each.base, each.pedestal) for each in places]))
-        for there in itertools.compress(places, free):
-            if place.spend():
-                break
-            lower = Follow(
-                "lowering and retreat", 5, self._task_goal(held)[None], place.meets, IK_SEEDS, clear=1, near=tucked[None],
-                may_flip=False,
-            )  # fmt: skip
-            down = next((path for _, path in place.search.followed([there], lower)), None)
-            if down is None:
-                continue
-            self._grasps.spend(ROUTE)
-            route = loaded.path(loaded.stands(there.base, there.pedestal), self._seed)
-            if route is None:
-                text = "drive: no free route of the base that carries the object was found"
-                place.search.misses.note(Miss(6, 0.0, text, there))
-                continue
-            holding = place.cell.holding(there.base, opened, held, points)
-            carry = place.search.joined(place.cell, there, tucked, down[0], holding, "carry", 7, WIDE)
-            if carry is not None:
-                return Driven(there.vector, there.pedestal, route, carry), down
-        return None
+        self, loaded: FreeFloor, tucked: np.ndarray, held: np.ndarray, opened: float, placing: Placing
+    ) -> Driven | None:
+        """Return the route to the place, and the motion there from joints [arm] to above it; None: none was found."""
+        place, there = self._place, placing.stand
+        self._grasps.spend(ROUTE)
+        route = loaded.path(loaded.stands(there.base, there.pedestal), self._seed)
+        if route is None:
+            text = "drive: no free route of the base that carries the object was found"
+            place.search.misses.note(Miss(6, 0.0, text, there))
+            return None
+        holding = place.cell.holding(there.base, opened, held, self._pick.points)
+        carry = place.search.joined(place.cell, there, tucked, placing.down[0], holding, "carry", 7, WIDE)
+        return None if carry is None else Driven(there.vector, there.pedestal, route, carry)
 
-    def _task_goal(self, held: np.ndarray) -> np.ndarray:
-        """Return tool poses from above the place to it and back from it [pose 4 4]."""
-        down = self._place.start @ np.linalg.inv(held)
-        down[2, 3] += DROP
-        return there_and_up(down, self._task.approach)[::-1]
+
+def _is_direct(cell: Workcell, depth: Depth, start: np.ndarray, goal: np.ndarray) -> bool:
+    """Return whether the arm can move straight between joints [arm]; few poses in between are asked about first."""
+    line = lines(start[None], goal)
+    return all(bool(cell.is_free(depth, some).all()) for some in (line[:: len(line) // 4 + 1], line))
 
 
 def is_far(task: PickTask, spec: RobotSpec) -> bool:

@@ -285,6 +285,7 @@ def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:
 # Spheres compared with the room, and what takes as long, after which no plan for an object is looked for any more: below 30 s,
 # the same on every machine; where there is a plan, most take a tenth to a half. And [s] that pass at most
 WORK, PATIENCE = 7_000_000, 300.0
+DRIVEN = 3 * WORK  # Where the robot drives, with an object from one base to another
 # Comparisons of a sphere that take as long as a point that grasps are looked for at, and as a grasp that is found
 SAMPLED, FOUND = 500, 60
 TILTED = 0.05  # [rad] Steps of the direction that is up in an object, which leans a little on what is not level
@@ -293,12 +294,12 @@ TILTED = 0.05  # [rad] Steps of the direction that is up in an object, which lea
 class GraspCache:
     """Grasps of one free object by one gripper, computed once for each way up, number of points and contact."""
 
-    def __init__(self, body: SimBody, gripper: GripperSpec, seed: int = 0) -> None:
-        """Take the object, the gripper, and the seed of the points; the time begins."""
+    def __init__(self, body: SimBody, gripper: GripperSpec, seed: int = 0, work: int = WORK) -> None:
+        """Take the object, the gripper, the seed of the points, and the work that plans may take; the time begins."""
         self._hulls, self._center = [c.mesh for c in body.colliders], np.array(body.mass.center)
         self._gripper, self._seed = gripper, seed
         self._grasps: dict[tuple[object, ...], ObjectGrasps] = {}
-        self._work, self._begun, self.ended = 0, time.monotonic(), ""
+        self._work, self._limit, self._begun, self.ended = 0, work, time.monotonic(), ""
 
     def spend(self, work: int = 0) -> bool:
         """Add some work to that for plans with this object; return whether that, or the time, is used up, `ended` says which."""
@@ -306,8 +307,8 @@ class GraspCache:
         passed = time.monotonic() - self._begun
         if self.ended:
             return True
-        if self._work > WORK:
-            checks = f"{WORK / 1e6:.0f} million collision checks"
+        if self._work > self._limit:
+            checks = f"{self._limit / 1e6:.0f} million collision checks"
             self.ended = f"the search ended after {checks}; give another task.start or task.place"
         elif passed > PATIENCE:
             self.ended = f"the search ended after {PATIENCE:.0f} s on a slow or busy machine; try again"

@@ -142,7 +142,10 @@ class Workcell:
             into = self.arm_depth(q, base, opened=opened, clearance=more)
             carried = base @ self.kin.tool(q) @ held
             moved = points @ carried[:, :3, :3].transpose(0, 2, 1) + carried[:, None, :3, 3]
-            near = self.obstacles.depth(moved, np.full(len(points), HELD_RADIUS + more))
+            radii = np.full(len(points), HELD_RADIUS + more)
+            near = self.obstacles.depth(moved, radii)
+            if self.floor is not None:
+                near = np.maximum(near, self.floor.own_depth(moved, radii, base))
             return np.maximum(into, np.where(near > 0.0, near + SLACK, 0.0))
 
         return depth

@@ -25,18 +25,32 @@ from s2a.motion.pick_plan import (
     PickPlan,
     PickPlanner,
     PickTask,
+    line,
     there_and_up,
 )
 from s2a.motion.search import EXACT, IK_SEEDS, Follow, Miss, Stand, Unreachable, chunks
 from s2a.motion.workcell import Depth, Workcell, lines
 from s2a.robot.spec import RobotSpec
+from s2a.robot.tool_path import JOINT_TURN, even
 
-PICKS, PLACES, TURNED = 12, 24, 6  # Ends at the start and at the place that are joined; ways to carry between two of them
+PICKS, PLACES, TURNED = (
+    12,
+    24,
+    6,
+)  # Ends at the start and at the place that are joined; ways to carry between two of them
 # Comparisons of a sphere with the room that take as long as a search for a route of the base
 ROUTE = 300_000
 # [m] In the frame of the arm's root link, before the arm's first joint turns: tool frames in which an object is carried
-TUCKED = ((0.40, 0.0, 0.50), (0.35, 0.0, 0.65), (0.45, 0.0, 0.40), (0.35, 0.0, 0.35), (0.30, -0.2, 0.55), (0.30, 0.2, 0.55))
+TUCKED = (
+    (0.40, 0.0, 0.50),
+    (0.35, 0.0, 0.65),
+    (0.45, 0.0, 0.40),
+    (0.35, 0.0, 0.35),
+    (0.30, -0.2, 0.55),
+    (0.30, 0.2, 0.55),
+)
 ASIDE = 9  # Turns of the first joint: over its own deck the arm needs no more floor than the base
+AWAY = (0.0, 0.12), (0.15, 0.04), (0.15, 0.12), (0.3, 0.12)  # [m] Towards the robot and up, before the arm turns
 CARRIED = 24  # Of these joints
 STARTS = 8  # Of the inverse kinematics of each
 SAME = 3e-3  # [m] and rad: by which two ends of a grasp differ where the fingers are not exchanged
@@ -102,12 +116,13 @@ class FarPlanner:
         empty = cell.empty(stand.base, opened, self._pick.points @ body[:3, :3].T + body[:3, 3])
         holding = cell.holding(stand.base, opened, held, self._pick.points)
         tucks: dict[bytes, np.ndarray | None] = {}
-        for tucked, loaded, placing in itertools.islice(self._ways(stand, up[-1], held, opened, places), TURNED):
+        for away, tucked, loaded, placing in itertools.islice(self._ways(stand, up[-1], held, opened, places), TURNED):
             if self._pick.spend() or self._place.spend():
                 break
             key = tucked.tobytes()
             if key not in tucks:
-                tucks[key] = search.joined(cell, stand, up[-1], tucked, holding, "carry away", 4)
+                further = search.joined(cell, stand, away[-1], tucked, holding, "carry away", 4)
+                tucks[key] = None if further is None else even(np.concatenate([away, further[1:]]))
             tuck = tucks[key]
             driven = None if tuck is None else self._driven(loaded, tucked, held, opened, placing)
             if tuck is None or driven is None:
@@ -164,8 +179,8 @@ class FarPlanner:
 
     def _ways(
         self, stand: Stand, lifted: np.ndarray, held: np.ndarray, opened: float, places: list[Placing]
-    ) -> Iterator[tuple[np.ndarray, FreeFloor, Placing]]:
-        """Yield joints [arm] to carry with, the floor that is free for that, and places that it connects with the start.
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, FreeFloor, Placing]]:
+        """Yield joints [pose arm] away from the start and [arm] to carry with, floor free for that, and places that it joins.
 
         First those that the arm reaches straight at both ends: searches for its motions cost far more than all else.
         """
@@ -175,28 +190,45 @@ class FarPlanner:
         holding = pick.holding(stand.base, opened, held, points)
         now = self._floor.stands(stand.base, stand.pedestal)
         tucked = np.concatenate([lifted[None], self._tucked(lifted)])
+        away = self._away(stand, lifted, holding)
         count = 0
-        later: list[tuple[np.ndarray, FreeFloor, Placing]] = []
+        later: list[tuple[np.ndarray, np.ndarray, FreeFloor, Placing]] = []
         text = "drive: the base that carries the object is not free to leave or to arrive"
         for q in tucked[pick.is_free(holding, tucked)]:
             loaded = self._floor.loaded(now, q, self._carried(q, held))
             if not loaded.free(now[None])[0]:
                 continue
-            leaves = _is_direct(pick, holding, lifted, q)
+            leaving = (path for path in away if _is_direct(pick, holding, path[-1], q))
+            leave = next(leaving, None)
             for placing in places:
                 there = placing.stand
                 if not loaded.reachable(self._floor.stands(there.base, there.pedestal)[None])[0]:
                     self._place.search.misses.note(Miss(2, 0.0, text, there))
                     continue
                 depth = place.holding(there.base, opened, held, points)
-                if leaves and _is_direct(place, depth, q, placing.down[0]):
-                    yield q, loaded, placing
+                if leave is not None and _is_direct(place, depth, q, placing.down[0]):
+                    yield leave, q, loaded, placing
                 else:
-                    later.append((q, loaded, placing))
+                    later.append((away[-1] if leave is None else leave, q, loaded, placing))
             count += 1
             if count == CARRIED:
                 break
         yield from later
+
+    def _away(self, stand: Stand, lifted: np.ndarray, holding: Depth) -> list[np.ndarray]:
+        """Return joints [pose arm] that bring the object from where it is lifted straight to more room, and none that do."""
+        search, cell = self._pick.search, self._pick.cell
+        tool = stand.base @ cell.kin.tool(lifted[None])[0]
+        back = (stand.base[:2, 3] - tool[:2, 3]) / np.linalg.norm(stand.base[:2, 3] - tool[:2, 3])
+        found = [lifted[None]]
+        for behind, above in AWAY:
+            poses = line(tool, np.array([*behind * back, above]))
+            follow = Follow("carry away", 3, poses, lambda _, path: cell.met(path, stand.base), 1, near=lifted[None])
+            for path in search.paths([stand], follow)[0]:
+                if np.abs(path[0] - lifted).max() < JOINT_TURN and cell.is_free(holding, path).all():
+                    found.append(np.concatenate([lifted[None], path[1:]]))
+                    break
+        return found
 
     def _carried(self, q: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return points [point 3] of the object that the arm holds in joints [arm], in the frame of its root link."""

@@ -343,11 +343,11 @@ def shorter_first(blocks: Iterator[Iterator[StraightPaths]]) -> Iterator[Straigh
 
 def there_and_up(tool: np.ndarray, approach: float) -> np.ndarray:
     """Return poses [pose 4 4] from `approach` [m] before a tool pose [4 4] to it, and from there LIFT up, about STEP apart."""
-    back = _line(tool, -approach * tool[:3, 2])[::-1]
-    return np.concatenate([back, _line(tool, np.array([0.0, 0.0, LIFT]))[1:]])
+    back = line(tool, -approach * tool[:3, 2])[::-1]
+    return np.concatenate([back, line(tool, np.array([0.0, 0.0, LIFT]))[1:]])
 
 
-def _line(tool: np.ndarray, offset: np.ndarray) -> np.ndarray:
+def line(tool: np.ndarray, offset: np.ndarray) -> np.ndarray:
     """Return poses from a tool pose [4 4] to the same shifted by an offset [3], shape [pose 4 4]."""
     count = max(1, round(float(np.linalg.norm(offset)) / STEP)) + 1
     poses = np.tile(tool, (count, 1, 1))

@@ -305,7 +305,7 @@ def _line_check(base: Any) -> Any:
             self._search, self._count = search, count
 
         def checkMotion(self, start: object, end: object, last: object = None) -> bool:  # noqa: N802 - OMPL's name
-            line = _even(np.stack([_joints(start, self._count), _joints(end, self._count)]))[:0:-1]
+            line = even(np.stack([_joints(start, self._count), _joints(end, self._count)]))[:0:-1]
             first = np.arange(len(line)) % EVERY == 0
             return self._search.all_free(line[first]) and self._search.all_free(line[~first])
 
@@ -318,20 +318,20 @@ def _joints(state: object, count: int) -> np.ndarray:
 
 def _rounded(corners: np.ndarray, free: Free) -> np.ndarray | None:
     """Return evenly spaced poses along a path, its corners rounded as far as that is free."""
-    dense = _even(corners)
+    dense = even(corners)
     for width in (15, 9, 5, 0):
         path = dense.copy()
         for _ in range(2 if width else 0):
             padded = np.concatenate([np.repeat(path[:1], width, 0), path, np.repeat(path[-1:], width, 0)])
             sums = np.cumsum(np.concatenate([padded[:1] * 0, padded]), axis=0)
             path = (sums[2 * width + 1 :] - sums[: -2 * width - 1]) / (2 * width + 1)
-        path = np.concatenate([corners[:1], _even(path)[1:-1], corners[-1:]]) if width else dense
+        path = np.concatenate([corners[:1], even(path)[1:-1], corners[-1:]]) if width else dense
         if free(path).all():
             return path
     return None
 
 
-def _even(path: np.ndarray) -> np.ndarray:
+def even(path: np.ndarray) -> np.ndarray:
     """Return a path [corner arm] as poses TURN apart along its length, shape [pose arm]."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     at = np.linspace(0.0, length[-1], max(3, int(np.ceil(length[-1] / JOINT_TURN)) + 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import newton
@@ -11,14 +12,21 @@ import warp as wp
 
 from s2a import robot
 from s2a.core.errors import InputError
+from s2a.motion.far import plan_far
 from s2a.motion.floor import FreeFloor, connected
+from s2a.motion.grasps import GraspCache
+from s2a.motion.gripper import FIRM
+from s2a.motion.pick_plan import PickTask
 from s2a.motion.segments import CALM, Drive, Timeline
 from s2a.motion.trajectory import Trajectory, preceded
+from s2a.robot.collision import robot_shape
 from s2a.robot.kinematics import arm_pose, base_coordinates
 from s2a.robot.model import add_robot
+from s2a.robot.tool_path import matrix
 from s2a.scene.geometry.convex import box
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import Collider, SimRoom
+from tests.support.cabinet import free_cube
 
 SPEC = robot.load("panda_mobile")
 WIDTH = 0.793  # [m] Of a Ridgeback
@@ -157,3 +165,30 @@ def test_in_physics_it_is_where_it_is_led_to() -> None:
             q, peak = state.joint_q.numpy()[:4], np.maximum(peak, np.abs(state.joint_qd.numpy()[:4]))
     np.testing.assert_allclose(q, [0.4, 0.2, 0.5, 0.1], atol=5e-3)
     assert (peak <= 1.05 * np.abs(np.diff(line.base, axis=0)).max(axis=0) * 60.0 + 0.01).all()
+
+
+@pytest.mark.slow
+def test_an_object_is_carried_from_one_half_of_a_room_to_the_other() -> None:
+    """Over the robot's own deck, through a gap that a base whose arm reaches ahead passes with nothing to spare."""
+    tops = [
+        Collider(f"table_{k}", box(np.array([x, 1.7, 0.35]), np.eye(3), np.array([0.6, 0.5, 0.7])))
+        for k, x in enumerate((-2.0, 2.0))
+    ]
+    whole, cube = room(WIDTH + 0.4), free_cube("cube", (-2.0, 1.6, 0.73), side=0.06)
+    whole = replace(whole, static_colliders=(*whole.static_colliders, *tops), free={"cube": cube})
+    start, goal = (np.array([x, 1.6, 0.73, 0.0, 0.0, 0.0, 1.0]) for x in (-2.0, 2.0))
+    floor = FreeFloor(whole, SPEC, LEFT)
+    plan = plan_far(PickTask(whole, "cube", start, goal, 0.1, floor=floor), SPEC, FIRM, GraspCache(cube, SPEC.gripper))
+    assert plan.driven is not None
+    kin, held, drive = robot_shape(SPEC).kin, np.linalg.inv(plan.grasp), plan.driven
+    for base, q, at in ((plan.base, plan.lift[0], start), (drive.base, plan.lower[-1], goal)):
+        np.testing.assert_allclose((matrix(base) @ kin.tool(q[None])[0] @ held)[:3, 3], at[:3], atol=5e-3)
+    arm = (plan.reach, plan.approach, plan.lift, plan.carry, drive.carry, plan.lower, plan.retreat)
+    for before, after in itertools.pairwise(arm):
+        np.testing.assert_allclose(before[-1], after[0], atol=1e-6)
+    np.testing.assert_allclose(drive.route[0], floor.stands(matrix(plan.base), plan.pedestal), atol=1e-6)
+    ends = floor.stands(matrix(drive.base), drive.pedestal) - drive.route[-1]
+    np.testing.assert_allclose(ends % (2 * np.pi) % (2 * np.pi - 1e-9), 0.0, atol=1e-6)
+    body = kin.tool(plan.carry[-1:])[0] @ held
+    corners = np.concatenate([c.mesh.vertices for c in cube.colliders]) @ body[:3, :3].T + body[:3, 3]
+    assert floor.loaded(drive.route[0], plan.carry[-1], corners).free(drive.route).all()

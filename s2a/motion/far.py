@@ -33,26 +33,17 @@ from s2a.motion.workcell import Depth, Workcell, lines
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import JOINT_TURN, even
 
-PICKS, PLACES, TURNED = (
-    12,
-    24,
-    6,
-)  # Ends at the start and at the place that are joined; ways to carry between two of them
+PICKS, PLACES = 12, 24  # Ends at the start and at the place that are joined
+TURNED = 6  # Ways to carry an object from an end at the start to those at the place that are joined
 # Comparisons of a sphere with the room that take as long as a search for a route of the base
 ROUTE = 300_000
-# [m] In the frame of the arm's root link, before the arm's first joint turns: tool frames in which an object is carried
-TUCKED = (
-    (0.40, 0.0, 0.50),
-    (0.35, 0.0, 0.65),
-    (0.45, 0.0, 0.40),
-    (0.35, 0.0, 0.35),
-    (0.30, -0.2, 0.55),
-    (0.30, 0.2, 0.55),
-)
+# [m] Before the arm's first joint turns: distance ahead of its root link and height above that of tool frames in which an
+# object is carried
+TUCKED = (0.40, 0.50), (0.35, 0.65), (0.45, 0.40), (0.35, 0.35)
 ASIDE = 9  # Turns of the first joint: over its own deck the arm needs no more floor than the base
 AWAY = (0.0, 0.12), (0.15, 0.04), (0.15, 0.12), (0.3, 0.12)  # [m] Towards the robot and up, before the arm turns
-CARRIED = 24  # Of these joints
-STARTS = 8  # Of the inverse kinematics of each
+CARRIED = 24  # Joints to carry an object with that are looked at
+STARTS = 8  # Of the inverse kinematics of each pose
 SAME = 3e-3  # [m] and rad: by which two ends of a grasp differ where the fingers are not exchanged
 
 
@@ -242,7 +233,8 @@ class FarPlanner:
         ahead = Rotation.from_euler("z", -math.atan2(tool[1, 2], tool[0, 2])).as_matrix()
         poses = np.tile(tool, (2, len(TUCKED), 1, 1))
         poses[1, :, :3, :3] = ahead @ tool[:3, :3]  # which most arms reach
-        poses[:, :, :3, 3] = TUCKED
+        poses[:, :, [0, 2], 3] = TUCKED
+        poses[:, :, 1, 3] = 0.0
         poses = poses.reshape(-1, 4, 4)
         starts = np.random.default_rng(self._seed).uniform(kin.lower, kin.upper, (STARTS, len(lifted)))
         starts[0], starts[1] = lifted, self._spec.home

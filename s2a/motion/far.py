@@ -239,7 +239,7 @@ class FarPlanner:
         starts = np.random.default_rng(self._seed).uniform(kin.lower, kin.upper, (STARTS, len(lifted)))
         starts[0], starts[1] = lifted, self._spec.home
         q, left = kin.solve(np.repeat(poses, STARTS, axis=0), np.tile(starts, (len(poses), 1)), 40, 1e-2)
-        q = q[left < EXACT]
+        q = q[(left < EXACT) & (q > kin.lower).all(axis=1) & (q < kin.upper).all(axis=1)]
         turned = np.repeat(q, ASIDE, axis=0)
         turned[:, 0] = np.tile(np.linspace(0.95 * kin.lower[0], 0.95 * kin.upper[0], ASIDE), len(q))
         turned = np.concatenate([q, turned])

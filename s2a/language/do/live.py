@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from scipy.spatial.transform import Rotation
 
 from s2a import robot as robots
 from s2a import tasks
@@ -52,8 +53,9 @@ FINGERS = 0.8  # [s] In which the fingers open as a skill begins
 
 
 # [m/s, rad/s] and [m, rad] by which something may move farther in a control step than the faster of its velocities before
-# and after it: a physics step's acceleration in contact
-SPARE, TREMBLE = 0.3, 1e-3
+# and after it: a physics step's acceleration in contact. And [rad/s] by which what lies free may turn farther
+SPARE, TREMBLE, SPIN = 0.3, 1e-3, 10.0
+CREEP = 1, 30  # Control steps in which it may go so far beyond its velocities once, not in each
 
 
 @dataclass
@@ -64,23 +66,37 @@ class LiveFrames:
     q: list[np.ndarray] = field(default_factory=list)  # all coordinates [m, rad], shape [coord]
     qd: list[np.ndarray] = field(default_factory=list)  # all velocities [m/s, rad/s], shape [dof]
 
-    def jumps(self, single: dict[str, tuple[int, int]], free: dict[str, tuple[int, int]]) -> dict[str, float]:
-        """Return by how much something moved in a control step beyond what its velocities allow, by its name: a teleport.
+    def jumps(
+        self, single: dict[str, tuple[int, int, float]], free: dict[str, tuple[int, int, float]]
+    ) -> dict[str, float]:
+        """Return by how much something moved or turned beyond what its velocities allow, by its name: a teleport.
 
         Args:
-            single: column of coordinate and velocity of what has one.
-            free: first columns of objects that lie free.
+            single: column of coordinate and velocity of what has one, and the limit of the velocity [m/s, rad/s].
+            free: first columns of objects that lie free, and distance of the centre of mass from the origin [m].
         """
-        if len(self.q) < 2:
-            return {}
         q, qd = np.array(self.q, float), np.abs(np.array(self.qd, float))
-        fastest = np.maximum(qd[1:], qd[:-1])
-        beyond = {name: np.abs(np.diff(q[:, i])) - self.dt * fastest[:, j] for name, (i, j) in single.items()}
-        for name, (i, j) in free.items():
-            speed = np.maximum(*(np.linalg.norm(each[:, j : j + 3], axis=1) for each in (qd[1:], qd[:-1])))
-            beyond[name] = np.linalg.norm(np.diff(q[:, i : i + 3], axis=0), axis=1) - self.dt * speed
-        allowed = SPARE * self.dt + TREMBLE
-        return {name: float(each.max()) for name, each in beyond.items() if not each.max() <= allowed}  # or no number
+        found: dict[str, float] = {}
+        for steps in [each for each in CREEP if len(q) > each]:
+            for name, (i, j, limit) in single.items():
+                most = np.minimum(qd[:, j], limit)
+                self._beyond(found, name, np.abs(q[steps:, i] - q[:-steps, i]), most, steps, SPARE)
+            for name, (i, j, lever) in free.items():
+                speed, spin = (np.linalg.norm(qd[:, k : k + 3], axis=1) for k in (j, j + 3))
+                far = np.linalg.norm(q[steps:, i : i + 3] - q[:-steps, i : i + 3], axis=1)
+                self._beyond(found, name, far, speed + lever * spin, steps, SPARE)
+                turned = Rotation.from_quat(q[:, i + 3 : i + 7])
+                self._beyond(found, name, (turned[steps:] * turned[:-steps].inv()).magnitude(), spin, steps, SPIN)
+        return found
+
+    def _beyond(
+        self, found: dict[str, float], name: str, moved: np.ndarray, speed: np.ndarray, steps: int, spare: float
+    ) -> None:
+        """Note how much farther something moved in so many steps than its speed [frame] and what it may beside allow."""
+        way = np.concatenate([[0.0], np.cumsum(self.dt * np.maximum(speed[1:], speed[:-1]))])
+        beyond = float((moved - (way[steps:] - way[:-steps])).max())
+        if not beyond <= spare * self.dt + TREMBLE:  # or no number
+            found[name] = max(beyond, found.get(name, beyond))
 
 
 class LiveRoom:
@@ -138,18 +154,20 @@ class LiveRoom:
     def about(self) -> dict[str, Any]:
         """Return what the record says of the whole simulation."""
         frames, names = self.frames, ("x", "y", "yaw", "lift")
-        moved = np.abs([each[: len(names)] for each in frames.qd]).reshape(
-            -1, len(names)
-        )  # no frame: nothing was simulated
+        # no frame: nothing was simulated
+        moved = np.abs([each[: len(names)] for each in frames.qd]).reshape(-1, len(names))
         peaks = moved.max(axis=0, initial=0.0)
-        robot = {name: (k, k) for k, name in enumerate((*names, *self._spec.joints))}
-        single: dict[str, tuple[int, int]] = robot | {i: self._columns[i] for i in self._room.articulations}
+        limits = (*self._drive.velocity, *self._spec.limits.velocity)
+        fastest = dict(zip((*names, *self._spec.arm_joints), limits, strict=True))
+        robot = {name: (k, k, fastest.get(name, math.inf)) for k, name in enumerate((*names, *self._spec.joints))}
+        single = robot | {i: (*self._columns[i], math.inf) for i in self._room.articulations}
+        levers = {i: float(np.linalg.norm(body.mass.center)) for i, body in self._room.free.items()}
         return {
             "between_skills": "the robot drives; it is one simulation, in which nothing is set back",
             "robot_seconds": self._seconds(0),
             "base_peaks": dict(zip(names, map(float, peaks.round(3)), strict=False)),
             "base_limits": dict(zip(names, self._drive.velocity, strict=True)),
-            "jumps": frames.jumps(single, {i: self._columns[i] for i in self._room.free}),
+            "jumps": frames.jumps(single, {i: (*self._columns[i], lever) for i, lever in levers.items()}),
         }
 
     def execute(self, skill: Skill, *_unused: object) -> Outcome:

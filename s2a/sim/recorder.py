@@ -177,8 +177,9 @@ class LimitUse:
         self._last_speed = self._sim.joint_qd[:, : self._joints].clone()
 
 
-# Who presses on whom, of `RobotContacts`: base, lift or arm on anything; the gripper on anything but the target; on that
-PRESSING = ("body", "gripper", "target")
+# Who presses on whom, of `RobotContacts`: base, lift or arm on anything; the gripper on anything but the target; on that;
+# the target on anything else, while the gripper touches it
+PRESSING = ("body", "gripper", "target", "held")
 ELSE, BODY, GRIPPER, TARGET = (wp.constant(i) for i in range(4))
 
 
@@ -247,6 +248,8 @@ def _press(
         kind = 1
     elif low == GRIPPER and high == TARGET:
         kind = 2
+    elif low == ELSE and high == TARGET:
+        kind = 3
     if kind >= 0:
         wp.atomic_add(sums, kind, wp.spatial_top(force[contact])[0])
 
@@ -254,4 +257,5 @@ def _press(
 @wp.kernel
 def _raise(sums: wp.array(dtype=float), peaks: wp.array(dtype=float)):
     i = wp.tid()
-    peaks[i] = wp.max(peaks[i], sums[i])
+    if i < 3 or sums[2] > 0.0:  # the target on all else counts while the gripper touches it
+        peaks[i] = wp.max(peaks[i], sums[i])

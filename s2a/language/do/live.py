@@ -55,7 +55,8 @@ FINGERS = 0.8  # [s] In which the fingers open as a skill begins
 # [m/s, rad/s] and [m, rad] by which something may move farther in a control step than the faster of its velocities before
 # and after it: a physics step's acceleration in contact. And [rad/s] by which what lies free may turn farther
 SPARE, TREMBLE, SPIN = 0.3, 1e-3, 10.0
-CREEP = 1, 30  # Control steps in which it may go so far beyond its velocities once, not in each
+CREEP = 1, 30  # Control steps in which it may go so far beyond its velocities once, or as it starts and as it stops
+BETWEEN = 0.05  # Of a way by which it may be longer: velocities are read once in a control step, and targets step there
 
 
 @dataclass
@@ -93,9 +94,9 @@ class LiveFrames:
         self, found: dict[str, float], name: str, moved: np.ndarray, speed: np.ndarray, steps: int, spare: float
     ) -> None:
         """Note how much farther something moved in so many steps than its speed [frame] and what it may beside allow."""
-        way = np.concatenate([[0.0], np.cumsum(self.dt * np.maximum(speed[1:], speed[:-1]))])
+        way = np.concatenate([[0.0], np.cumsum((1.0 + BETWEEN) * self.dt * np.maximum(speed[1:], speed[:-1]))])
         beyond = float((moved - (way[steps:] - way[:-steps])).max())
-        if not beyond <= spare * self.dt + TREMBLE:  # or no number
+        if not beyond <= min(steps, 2) * (spare * self.dt + TREMBLE):  # or no number
             found[name] = max(beyond, found.get(name, beyond))
 
 

@@ -243,7 +243,8 @@ class World:
     last: wp.array2d(dtype=wp.vec3)
     released: wp.array2d(dtype=wp.vec3)
     rested: wp.array(dtype=wp.transform)  # the object's pose since which its steps at rest are counted, shape [world]
-    origin: wp.array2d(dtype=wp.vec3)  # where the others were at the start [m], shape [world other]
+    middle: wp.array2d(dtype=wp.vec3)  # their centres of mass in their own frames [m], shape [world other]
+    origin: wp.array2d(dtype=wp.vec3)  # where these were at the start, scene frame [m], shape [world other]
     own: wp.array2d(dtype=float)  # columns of one task alone, by its OWN, shape [world column]
     number: Numbers  # of the settings
 
@@ -318,6 +319,8 @@ def watch_others(w: World, sim: Simulation, moves: Sequence[int]) -> None:
     mine = {*sim.layout.robot_bodies, w.body, *moves}
     others = [i for i in range(sim.model.body_count // sim.num_envs) if i not in mine]
     w.others = wp.array(others, dtype=int)
+    middle = sim.model.body_com.numpy().reshape(sim.num_envs, -1, 3)[:, others]
+    w.middle = wp.array(middle, dtype=wp.vec3, shape=(sim.num_envs, len(others)))
     w.origin = wp.zeros((sim.num_envs, max(1, len(others))), dtype=wp.vec3)
 
 

@@ -190,7 +190,7 @@ def update(s: State, w: World):
     there = there and gone and is_stored(s, w, world)
     w.carried[world, Carried.still] = steps_at_rest(s, w, there, world)
     for i in range(w.others.shape[0]):
-        at = wp.transform_get_translation(s.body_q[world, w.others[i]])
+        at = wp.transform_point(s.body_q[world, w.others[i]], w.middle[world, i])
         if s.step[world] <= w.place.settle_steps:
             w.origin[world, i] = at
         else:

@@ -40,7 +40,7 @@ ROUTE = 300_000
 # [m] Before the arm's first joint turns: distance ahead of its root link and height above that of tool frames in which an
 # object is carried
 TUCKED = (0.40, 0.50), (0.35, 0.65), (0.45, 0.40), (0.35, 0.35)
-ASIDE = 9  # Turns of the first joint: over its own deck the arm needs no more floor than the base
+SWINGS = 9  # Turns of the first joint: over its own deck the arm needs no more floor than the base
 AWAY = (0.0, 0.12), (0.15, 0.04), (0.15, 0.12), (0.3, 0.12)  # [m] Towards the robot and up, before the arm turns
 CARRIED = 24  # Joints to carry an object with that are looked at
 STARTS = 8  # Of the inverse kinematics of each pose
@@ -240,8 +240,8 @@ class FarPlanner:
         starts[0], starts[1] = lifted, self._spec.home
         q, left = kin.solve(np.repeat(poses, STARTS, axis=0), np.tile(starts, (len(poses), 1)), 40, 1e-2)
         q = q[(left < EXACT) & (q > kin.lower).all(axis=1) & (q < kin.upper).all(axis=1)]
-        turned = np.repeat(q, ASIDE, axis=0)
-        turned[:, 0] = np.tile(np.linspace(0.95 * kin.lower[0], 0.95 * kin.upper[0], ASIDE), len(q))
+        turned = np.repeat(q, SWINGS, axis=0)
+        turned[:, 0] = np.tile(np.linspace(0.95 * kin.lower[0], 0.95 * kin.upper[0], SWINGS), len(q))
         turned = np.concatenate([q, turned])
         _, first = np.unique(turned.round(1), axis=0, return_index=True)
         turned = turned[np.sort(first)]

@@ -145,41 +145,27 @@ class FreeFloor:
     def path(self, goal: np.ndarray, seed: int = 0) -> np.ndarray | None:
         """Return coordinates [pose 4] from where the base is to a goal [4], clear of all; None: none was found.
 
-        It drives, then lifts the arm; where it is not free to do so, it lifts first, or on the way, where most room is around it.
+        It drives, then lifts the arm; where it is not free to do so, it lifts first.
         """
         if not self.reachable(goal[None])[0]:
             return None
-        goal = self._turned(goal, self.now)
-        same = abs(goal[3] - self.now[3]) < 1e-6
-        for place in (goal, self.now) if same else (goal, self.now, None):
-            stop = self._turned(self._middle(), self.now) if place is None else place
-            lifts = self._lifted(stop[:3], self.now[3], goal[3])
-            if not self.free(lifts).all():
-                continue
-            first = self._leg(self.now[:3], stop[:3], self.now[3], seed)
-            second = None if first is None else self._leg(stop[:3], goal[:3], goal[3], seed)
-            if first is not None and second is not None:
-                return np.concatenate([first[:-1], lifts, second[1:]])
-            if same:
-                break
-        return None
-
-    def _leg(self, start: np.ndarray, end: np.ndarray, lift: float, seed: int) -> np.ndarray | None:
-        """Return coordinates [pose 4] on which the base drives between places [3], the lift at rest; None: none was found."""
-        if np.array_equal(start, end):
-            return np.array([[*start, lift]])
+        turn = self.now[2] + (goal[2] - self.now[2] + np.pi) % (2 * np.pi) - np.pi
+        goal = np.array([goal[0], goal[1], turn, goal[3]])
         low, high = self._origin[:2], self._origin[:2] + CELL * np.array(self._gaps.shape[1:])
         lower, upper = np.array([*low, self.now[2] - 4 * np.pi]), np.array([*high, self.now[2] + 4 * np.pi])
+        for lift in (self.now[3], goal[3]):
 
-        def free(q: np.ndarray) -> np.ndarray:
-            return self.free(np.c_[q, np.full(len(q), lift)])
+            def free(q: np.ndarray, lift: float = lift) -> np.ndarray:
+                return self.free(np.c_[q, np.full(len(q), lift)])
 
-        route = free_motion(start, end, lower, upper, free, seed, CHECKS)
-        return None if route is None else np.c_[route, np.full(len(route), lift)]
-
-    def _turned(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Return coordinates [4] with the heading that is nearest to that of others [4]."""
-        return np.array([*q[:2], other[2] + (q[2] - other[2] + np.pi) % (2 * np.pi) - np.pi, q[3]])
+            lifts = self._lifted(self.now[:3], self.now[3], lift), self._lifted(goal[:3], lift, goal[3])
+            if not all(self.free(each).all() for each in lifts):
+                continue
+            route = free_motion(self.now[:3], goal[:3], lower, upper, free, seed, CHECKS)
+            if route is not None:
+                first, last = lifts
+                return np.concatenate([first[:-1], np.c_[route, np.full(len(route), lift)], last[1:]])
+        return None
 
     def own_depth(self, centers: np.ndarray, radii: np.ndarray, base: np.ndarray) -> np.ndarray:
         """Return how deep spheres [pose sphere 3] of radii [sphere], scene frame, reach into the robot's own base [m], [pose].

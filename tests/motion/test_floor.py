@@ -88,22 +88,6 @@ def test_the_lower_end_of_the_column_is_seen_where_the_lift_is_up() -> None:
     assert with_it.free(np.array([[-1.5, y, 0.0, 0.3] for y in (0.0, 0.9)])).tolist() == [False, True]
 
 
-def test_it_lifts_on_the_way_where_it_can_at_neither_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    ends = np.array([[-2.3, 0.0, 0.0, 0.0], [2.3, 0.0, np.pi, 0.1]])
-    floor = FreeFloor(room(WIDTH + 0.4), SPEC, ends[0])
-    whole = floor.free
-
-    def free(q: np.ndarray) -> np.ndarray:
-        return whole(q) & ((q[:, 0] > -2.2) | (q[:, 3] < 0.001)) & ((q[:, 0] < 2.2) | (q[:, 3] > 0.099))
-
-    monkeypatch.setattr(floor, "free", free)
-    path = floor.path(ends[1])
-    assert path is not None
-    np.testing.assert_allclose(path[[0, -1]], ends, atol=1e-9)
-    assert free(path).all()
-    assert np.abs(np.diff(path, axis=0)).max() < 0.06
-
-
 def test_a_room_without_floor_for_it_is_refused() -> None:
     with pytest.raises(InputError, match="no floor of the room is free"):
         FreeFloor(replace(room(0.0), static_colliders=(room(0.0).static_colliders[0], *_filled())), SPEC)

@@ -49,7 +49,7 @@ def test_what_worlds_differ_in_is_known_for_each_task(keys: list[str], differ: l
 
 def test_a_robot_that_drives_is_not_put_at_the_origin(tmp_path: Path) -> None:
     stage = write_cabinet(tmp_path / "sim.usda")
-    with pytest.raises(InputError, match="'panda_mobile' drives.* robot=panda"):
+    with pytest.raises(InputError, match="'panda_mobile' has a driving base.* robot=panda"):
         settings(f"stage={stage}", "out=x.json", "robot=panda_mobile").read_stages()
 
 

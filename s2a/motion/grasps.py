@@ -294,12 +294,12 @@ TILTED = 0.05  # [rad] Steps of the direction that is up in an object, which lea
 class GraspCache:
     """Grasps of one free object by one gripper, computed once for each way up, number of points and contact."""
 
-    def __init__(self, body: SimBody, gripper: GripperSpec, seed: int = 0, work: int = WORK) -> None:
-        """Take the object, the gripper, the seed of the points, and the work that plans may take; the time begins."""
+    def __init__(self, body: SimBody, gripper: GripperSpec, seed: int = 0, work: int | None = None) -> None:
+        """Take the object, the gripper, the seed of the points, and the work that plans may take (WORK); the time begins."""
         self._hulls, self._center = [c.mesh for c in body.colliders], np.array(body.mass.center)
         self._gripper, self._seed = gripper, seed
         self._grasps: dict[tuple[object, ...], ObjectGrasps] = {}
-        self._work, self._limit, self._begun, self.ended = 0, work, time.monotonic(), ""
+        self._work, self._limit, self._begun, self.ended = 0, WORK if work is None else work, time.monotonic(), ""
 
     def spend(self, work: int = 0) -> bool:
         """Add some work to that for plans with this object; return whether that, or the time, is used up, `ended` says which."""

@@ -11,7 +11,7 @@ from s2a import robot as robots
 from s2a.core.errors import InputError
 from s2a.motion.far import is_far, plan_far
 from s2a.motion.floor import FreeFloor
-from s2a.motion.grasps import DRIVEN, WORK, GraspCache, Ungraspable
+from s2a.motion.grasps import DRIVEN, GraspCache, Ungraspable
 from s2a.motion.gripper import FIRM, SLOPING, Contact
 from s2a.motion.obstacles import surface_points
 from s2a.motion.pick_plan import LIFT, PickPlan, PickTask, plan_pick
@@ -81,7 +81,7 @@ def read_stage(
     """
     room = room or sim_stage.read(path, visuals=False)
     target, spec = free_object(room, part), robots.load(robot or DEFAULT_ROBOT)
-    grasps = GraspCache(room.free[target], spec.gripper, work=WORK if floor is None else DRIVEN)
+    grasps = GraspCache(room.free[target], spec.gripper, work=None if floor is None else DRIVEN)
 
     failures: list[Unreachable] = []
     # Poses at which no grasp is clear, wherever the other end is

@@ -107,7 +107,7 @@ class PickPlace(Task):
         ),
         logged=("success", "placed", "carried", "grasped"),
         success="success",
-        version=2,
+        version=3,
     )
     Stage: ClassVar[type[SimStage]] = pick.PickStage
 

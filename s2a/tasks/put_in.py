@@ -84,7 +84,7 @@ class PutIn(PickPlace):
         ),  # fmt: skip
         logged=("success", "stored", "carried", "grasped"),
         success="success",
-        version=2,
+        version=3,
     )
     Stage: ClassVar[type[SimStage]] = put_in.PutStage
 

@@ -9,6 +9,7 @@ import newton
 import numpy as np
 import pytest
 import warp as wp
+from cabinet import free_cube
 
 from s2a import robot
 from s2a.core.errors import InputError
@@ -26,7 +27,6 @@ from s2a.robot.tool_path import matrix
 from s2a.scene.geometry.convex import box
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import Collider, SimRoom
-from tests.support.cabinet import free_cube
 
 SPEC = robot.load("panda_mobile")
 WIDTH = 0.793  # [m] Of a Ridgeback

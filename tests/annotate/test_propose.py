@@ -251,6 +251,7 @@ def on_the_board() -> Layer:
     return replace(plane, low=np.array([-0.8, 0.0]))
 
 
+@pytest.mark.slow
 def test_the_command_writes_proposals_without_a_page(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     folder = plain_room.write(tmp_path / "scan")
     keys = [f"scan={folder}", f"out={tmp_path / 'out'}", "auto=true", "page=false"]
@@ -274,6 +275,7 @@ def together(*some: Points) -> Points:
     return Points(*(np.concatenate([getattr(each, name) for each in some]) for name in ("place", "normal", "color")))
 
 
+@pytest.mark.slow
 def test_a_door_2_cm_before_its_wall_has_an_image_of_its_own() -> None:
     """The wall is seven times as large, and its plane lies nearer to it than two planes can be told apart."""
     wall = together(plane_points(0.0, -3.0, 0.0, 2.5), plane_points(0.0, 0.8, 3.0, 2.5))

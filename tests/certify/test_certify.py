@@ -94,6 +94,7 @@ def quick(stage: Path, out: Path) -> list[str]:
     return ["certify", f"stage={stage}", f"out={out}", *times]
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_record_and_a_page_and_keeps_them(
     stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -221,6 +222,7 @@ def test_what_physics_would_ask_in_vain_is_a_failed_check_and_no_bug(
     assert "grasp_and_base at /scene" in captured.out and "bug" not in captured.err
 
 
+@pytest.mark.slow
 def test_a_sweep_ends_with_a_table_and_the_worst_exit_code(
     stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

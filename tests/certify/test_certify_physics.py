@@ -193,6 +193,7 @@ def test_what_falls_shut_is_held_open_until_the_hand_has_closed(stage: Path) -> 
     assert attempt.holds and attempt.message.startswith("23 mm")
 
 
+@pytest.mark.slow
 def test_a_load_along_the_way_of_the_fingers_is_held_by_their_gear(stage: Path) -> None:
     edit(stage, upright)
     # Of the weight of 52.2 N each finger's gear takes half: 26.1 N / 20 kN/m = 1.3 mm, and the contacts give way by tenths of a
@@ -203,6 +204,7 @@ def test_a_load_along_the_way_of_the_fingers_is_held_by_their_gear(stage: Path) 
     assert not grasp.grip(world, CONFIG.grip).holds
 
 
+@pytest.mark.slow
 def test_a_pull_beyond_friction_slips(stage: Path) -> None:
     # Two fingers of 30 N at a friction coefficient of 1 hold 60 N.
     world = MujocoWorld(stage, CONFIG.physics)

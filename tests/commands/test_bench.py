@@ -45,6 +45,7 @@ def load_home() -> np.ndarray:
     return np.array(robot.load("panda").start)
 
 
+@pytest.mark.slow
 def test_every_part_has_its_episodes_however_they_are_batched(index: Path, tmp_path: Path) -> None:
     found = []
     for num_envs in (2, 4, 100):
@@ -62,6 +63,7 @@ def test_every_part_has_its_episodes_however_they_are_batched(index: Path, tmp_p
         assert (result["policy"], result["episodes_a_part"], result["steps"]) == ("random", 2, 3)
 
 
+@pytest.mark.slow
 def test_a_result_stays_with_its_part(index: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def counted(env: object, policy: object) -> dict[str, torch.Tensor]:
         stage = torch.tensor(env.sim.stage_of_env, dtype=torch.float)
@@ -74,6 +76,7 @@ def test_a_result_stays_with_its_part(index: Path, tmp_path: Path, monkeypatch: 
     assert [part["success"] for part in json.loads(out.read_text())["parts"]] == [0.0, 1.0, 0.0]
 
 
+@pytest.mark.slow
 def test_policies_see_the_grasp_as_far_off_as_asked(
     index: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -133,6 +136,7 @@ def test_the_splits_keep_to_their_seeds(name: str, seeds: range) -> None:
     assert ("living_room" in split["rooms"]) == (name == "test") and ("leave_out" in split) == (name == "train")
 
 
+@pytest.mark.slow
 def test_a_claim_is_verified_by_parts_that_nobody_foresees(
     index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -220,6 +220,7 @@ def test_a_typo_in_a_sweep_is_told_like_any_other(tmp_path: Path, capsys: pytest
     assert capsys.readouterr().err.splitlines()[-1] == "s2a: key 'uot' is unknown; did you mean: out"
 
 
+@pytest.mark.slow
 def test_a_failing_job_of_a_sweep_does_not_stop_the_others(
     scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -318,6 +319,7 @@ def test_a_user_without_a_home_has_one_for_caches(tmp_path: Path):
     assert not (tmp_path / "~").exists()
 
 
+@pytest.mark.slow
 def test_help_that_was_shown_before_imports_no_command(tmp_path: Path) -> None:
     code = "import sys; from s2a.commands import cli; cli.main(['check', '--help']); print('s2a.commands.check' in sys.modules)"
     quiet = os.environ | {"S2A_CACHE": str(tmp_path)}
@@ -326,6 +328,7 @@ def test_help_that_was_shown_before_imports_no_command(tmp_path: Path) -> None:
     assert first == [second[0], "True"] and second[1] == "False" and "scan=(required)" in first[0]
 
 
+@pytest.mark.slow
 def test_help_names_the_options_of_now(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -195,6 +195,7 @@ def test_keys_that_do_not_go_together_are_refused(tmp_path: Path, capsys: pytest
     assert "give mesh=FILE" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_an_image_shows_the_room_and_its_axes(tmp_path: Path) -> None:
     imported(tmp_path, textured_room.glb(tmp_path / "room.glb"), f"image={tmp_path / 'room.png'}")
     with Image.open(tmp_path / "room.png") as image:

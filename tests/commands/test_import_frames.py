@@ -14,6 +14,7 @@ from s2a.commands import cli
 from s2a.scan import ply
 
 
+@pytest.mark.slow
 def test_a_recording_is_fused_where_the_room_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     world = trimesh.transformations.rotation_matrix(2.0, (0.3, -0.8, 0.5), (1, 2, 3))
     walk = recordings.seven_scenes(tmp_path / "walk", 36, world)

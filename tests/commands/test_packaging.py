@@ -39,6 +39,7 @@ def test_the_lock_leaves_the_choice_between_cpu_and_cuda_to_pip():
     assert [name for name, version in PINS.items() if "nvidia" in name or "triton" in name or "+" in version] == []
 
 
+@pytest.mark.slow
 def test_the_wheel_works_away_from_the_checkout_with_its_values(tmp_path: Path):
     build = [
         sys.executable,

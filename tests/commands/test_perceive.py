@@ -94,6 +94,7 @@ def test_keys_that_contradict_are_refused_before_anything_is_built(
     assert why in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_room_without_visuals_is_refused(index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sim_stage.visuals_file(index.parent / "one_7.usda").unlink()
     keys = [*SMALL, f"out={tmp_path / 'out'}", "num_envs=2", "frames=1"]

@@ -119,6 +119,7 @@ NAMES = [text for text in texts(200, 11) if fits(text)][::9]
 NAMES += [os.fsdecode(b"caf\xe9"), "a" * 255, "\x1b[31mred", "two\nlines", "\u202egnp.exe"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES, ids=ascii)
 def test_folders_of_any_name_are_read_and_written(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -66,6 +66,7 @@ def snippets(page: str) -> list[str]:
     return re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
 
 
+@pytest.mark.slow
 def test_the_snippet_of_the_readme_runs(in_the_demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (snippet,) = snippets("README.md")
     names: dict[str, Any] = {}
@@ -74,6 +75,7 @@ def test_the_snippet_of_the_readme_runs(in_the_demo: Path, capsys: pytest.Captur
     assert names["observation"].shape == (16, 23) and not names["terminated"].any()
 
 
+@pytest.mark.slow
 def test_the_snippets_of_the_python_page_run(in_the_demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene, task = snippets("docs/python.md")
     assert cli.main(["zoo", "out=demo/zoo"]) == 0

@@ -229,6 +229,7 @@ def test_overrides_reach_nested_values_and_options_of_groups():
     assert values["reward"]["distance"] == 50.5
 
 
+@pytest.mark.slow
 def test_the_help_tells_what_each_reward_term_and_each_number_of_the_task_is(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["train", "--help-all"]) == 0
     text = capsys.readouterr().out

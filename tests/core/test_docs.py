@@ -94,6 +94,7 @@ def test_commands_are_found_in_fences_indented_blocks_and_sentences_and_wrong_on
             understood(wrong)
 
 
+@pytest.mark.slow
 def test_the_site_builds_without_a_broken_link(tmp_path: Path) -> None:
     build = [sys.executable, "-m", "mkdocs", "build", "--site-dir", str(tmp_path / "site")]
     quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}

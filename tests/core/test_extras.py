@@ -46,6 +46,7 @@ def test_every_module_belongs_to_the_extra_that_installs_it() -> None:
             assert any(name.lower().replace("_", "-") in listed for name in distributions[module]), module
 
 
+@pytest.mark.slow
 def test_export_and_the_text_of_view_need_no_extra(tmp_path: Path) -> None:
     scan = tiny_scan.write(tmp_path / "scan")
     exported = s2a(EVERYTHING, "export", f"scan={scan}", f"out={tmp_path / 'usd'}")
@@ -69,6 +70,7 @@ def test_a_command_without_its_extra_names_the_pip_command(command: str) -> None
     assert "is not installed; give: pip install 's2a[" in failed.stderr
 
 
+@pytest.mark.slow
 def test_the_doctor_tells_of_each_extra_what_is_missing() -> None:
     healthy, bare = s2a([], "doctor"), s2a(EVERYTHING, "doctor")
     assert healthy.returncode == bare.returncode == 0, bare.stderr
@@ -91,6 +93,7 @@ def test_training_without_torch_names_the_learning_extra() -> None:
     assert "pip install 's2a[learn]'" in failed.stderr
 
 
+@pytest.mark.slow
 def test_the_simulation_extra_alone_serves_the_scene_commands() -> None:
     blocked = [*errors.MODULES["learn"], *errors.MODULES["llm"]]
     names = ("sample", "check", "zoo", "insert", "prepare", "certify", "view")

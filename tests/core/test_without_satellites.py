@@ -51,6 +51,7 @@ def run(core: Path, *arguments: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_every_module_imports(core: Path) -> None:
     assert run(core, "-c", IMPORT_ALL).strip().splitlines()[-1] == str(core / "s2a" / "__init__.py")
 

@@ -12,6 +12,7 @@ from s2a.language.grammar import parse_wish
 from s2a.scene.scene import Part, Scene
 
 
+@pytest.mark.slow
 def test_a_place_is_found_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("any_place.STEP", 0.05)
     scene = Scene("room", {

@@ -41,6 +41,7 @@ def _sleep(seconds: float, log: Path, code: int = 0) -> tuple[list[str], Path]:
     return [sys.executable, "-c", f"import time; time.sleep({seconds}); raise SystemExit({code})"], log
 
 
+@pytest.mark.slow
 def test_train_understands_every_row_and_no_change_of_the_recipe_changes_nothing() -> None:
     told = ("stage=sim.usd", "out=run")
     read = [config.load(train.Config, config.compose("train", [*row, *told])) for row in dict.fromkeys(ROWS)]
@@ -79,6 +80,7 @@ def test_commands_run_side_by_side_and_those_that_fail_are_told(tmp_path: Path) 
     assert time.monotonic() - start < 3.5  # one after the other they would take four seconds
 
 
+@pytest.mark.slow
 def test_what_runs_when_time_is_up_is_interrupted_and_the_rest_never_starts(tmp_path: Path) -> None:
     commands = [_sleep(60.0, tmp_path / "first.txt"), _sleep(0.0, tmp_path / "second.txt")]
     start = time.monotonic()

@@ -36,7 +36,9 @@ SOFT = ("blanket", "pillow", "towel")
 """What gives way to what it lies on."""
 FEW = [(name, 3 + i) for i, name in enumerate(HOMES)]
 MANY = [(name, seed) for seed in range(100, 110) for name in HOMES]
-few_rooms = pytest.mark.parametrize(("name", "seed"), FEW)
+few_rooms = pytest.mark.parametrize(
+    ("name", "seed"), FEW[:4] + [pytest.param(*room, marks=pytest.mark.slow) for room in FEW[4:]]
+)
 many_rooms = pytest.mark.parametrize(("name", "seed"), MANY)
 
 
@@ -220,6 +222,7 @@ def test_things_in_drawers_move_with_them_and_are_objects_of_their_own() -> None
     assert found > 20
 
 
+@pytest.mark.slow
 def test_no_two_seeds_of_a_kind_are_alike() -> None:
     for name, seed in FEW[5:8]:
         counts = {tuple(sorted(figures(furnished(name, s)).items())) for s in (seed, 20, 21)}

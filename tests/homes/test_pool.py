@@ -50,6 +50,7 @@ def test_other_files_are_refused(text: str, tmp_path: Path) -> None:
         pool.read(tmp_path / "pool.json")
 
 
+@pytest.mark.slow
 def test_one_policy_is_trained_on_slides_and_hinges(index: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     assert cli.main(["train", f"stage={index}", "task.describe_part=true", *SMALL, f"out={out}"]) == 0
@@ -57,6 +58,7 @@ def test_one_policy_is_trained_on_slides_and_hinges(index: Path, tmp_path: Path)
     assert (out / "model_0.pt").is_file()
 
 
+@pytest.mark.slow
 def test_an_evaluation_tells_of_each_part(index: Path, tmp_path: Path) -> None:
     out = tmp_path / "zero.json"
     assert cli.main(["evaluate", f"stage={index}", "agent=zero", "num_envs=5", "device=cpu", f"out={out}"]) == 0
@@ -70,6 +72,7 @@ def test_an_evaluation_tells_of_each_part(index: Path, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_run_begins_with_the_networks_of_another(index: Path, tmp_path: Path) -> None:
     keys = ["train", f"stage={index}", "+experiment=many", *SMALL, "demo_reset_fraction=0", "demo_moved_fraction=0"]
     keys.append("ppo.imitation_iterations=0")  # the pool has no motions

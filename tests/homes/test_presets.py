@@ -173,6 +173,7 @@ def test_at_another_visit_the_scanner_stands_elsewhere_in_free_air() -> None:
     assert nearest_faces(ray_mesh(surface.vertices, surface.faces), other.scanners)[1].min() > HEAD_AIR
 
 
+@pytest.mark.slow
 def test_a_visit_has_its_own_frame_errors_and_name_and_says_so_in_the_truth() -> None:
     keys = ["room=hallway", "detail.fusion.voxel=0.05", "detail.spacing=0.02", "out=none"]
     configs = [config.load(SampleConfig, config.compose("sample", [*keys, f"visit={n}"])) for n in (0, 1, 2)]

@@ -102,6 +102,7 @@ def test_units_axes_formats_and_flaws_are_mixed(truth: dict):
     assert Counter(FLAWS) == {flaw: n for flaw, n in counts["flaw"].items() if flaw}
 
 
+@pytest.mark.slow
 def test_each_file_undone_by_the_truth_is_the_upright_thing(folder: Path, truth: dict):
     for item in OBJECTS:
         record = truth[item.slug]

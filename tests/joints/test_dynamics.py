@@ -45,6 +45,7 @@ def test_gradients_are_central_differences_of_the_law_in_double_precision(body: 
     assert found == pytest.approx(expected, rel=1e-3, abs=1e-3)  # breakaway of a drawer in motion: 0.04 of 7000
 
 
+@pytest.mark.slow
 def test_innovations_of_the_truth_are_as_large_as_expected() -> None:
     """MuJoCo's recording, whose friction is a constraint, is explained by this model; a wrong one is not."""
     bodies = [DRAWER, DOOR, LID]
@@ -60,6 +61,7 @@ def test_innovations_of_the_truth_are_as_large_as_expected() -> None:
         assert (worlds.loss(wrong)[0] > right + 4.0).all(), k
 
 
+@pytest.mark.slow
 def test_recordings_of_different_lengths_share_a_batch() -> None:
     long = record(DRAWER, TRUTH, NOISE, 0, seconds=1.0)
     short = Pull(long.opening[:30], long.force[:30], long.step)

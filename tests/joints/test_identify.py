@@ -93,6 +93,7 @@ def test_at_the_grasp_point_of_a_door_the_lever_arm_counts(tmp_path: Path) -> No
     assert astuple(part.resistance.soft_close) == pytest.approx((1.6, 4.8, 0.1))
 
 
+@pytest.mark.slow
 def test_a_drawer_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stage, layer, found = (
         write_cabinet(tmp_path / "room.usda"),

@@ -70,6 +70,7 @@ def test_the_least_work_against_damping_is_done_at_constant_speed() -> None:
     assert np.abs(at_end(found)).max() < 0.002
 
 
+@pytest.mark.slow
 def test_a_pull_ends_where_the_arm_would_sag() -> None:
     target = Pulled(DRAWER, (1.0, 1.0, 0.0, 0.0, 20.0, 0.0, 0.0), arm())
     (found,), _ = optimize([target], settings())
@@ -78,6 +79,7 @@ def test_a_pull_ends_where_the_arm_would_sag() -> None:
     assert found.opening[-1] == pytest.approx(GOAL, abs=0.0005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [DRAWER, DOOR], ids=["drawer", "door"])
 def test_a_part_is_closed_and_at_rest_when_the_set_point_stands(body: Moving) -> None:
     """With a soft close, which pulls the last centimetres, and without; nothing slams."""
@@ -94,6 +96,7 @@ def test_a_part_is_closed_and_at_rest_when_the_set_point_stands(body: Moving) ->
 CASES = [(DRAWER, False), (DOOR, False), (LID, False), (DRAWER, True), (DOOR, True)]
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_central_differences() -> None:
     dynamics = (1.3, 4.0, 2.0, 0.5, 10.0, 3.0, 20.0)
     targets = [Pulled(body, dynamics, arm(), closing=closing) for body, closing in CASES]

@@ -77,6 +77,7 @@ def test_the_simulation_of_what_was_identified_predicts_another_pull(tmp_path: P
     assert np.abs(true[:count] - simulated(layer)[:count]).max() > 0.006, "without both, the pull is another one"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [DRAWER, DOOR], ids=["drawer", "door"])
 def test_what_recordings_do_not_tell_is_undetermined(body: Moving) -> None:
     """A hand that only opens feels no damping of closing, which the true joint has."""

@@ -175,6 +175,7 @@ def program(dice: random.Random) -> str:
     return "\n".join([*lines, f"x = {expression(dice.choice('tnl'), dice, 3)}"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_whatever_is_folded_is_what_python_has(seed: int) -> None:
     dice, known = random.Random(seed), 0

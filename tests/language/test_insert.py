@@ -94,6 +94,7 @@ def mug(folder: Path, out: Path, *options: str, **values: object) -> dict:
     return json.loads((out / "insert.json").read_text())["objects"][0]
 
 
+@pytest.mark.slow
 def test_a_mug_stands_on_the_desk_as_a_layer_over_an_untouched_stage(folder, tmp_path):
     before = (folder / "geometric.usd").read_bytes()
     record = mug(folder, tmp_path / "out")
@@ -113,6 +114,7 @@ def test_a_mug_stands_on_the_desk_as_a_layer_over_an_untouched_stage(folder, tmp
     assert part.mesh.bounds[0, 2] == pytest.approx(0.74, abs=0.004)
 
 
+@pytest.mark.slow
 def test_two_runs_from_one_recording_write_the_same_bytes(folder, tmp_path):
     answers = tmp_path / "answers.json"
     mug(folder, tmp_path / "a/out", record=answers)
@@ -121,6 +123,7 @@ def test_two_runs_from_one_recording_write_the_same_bytes(folder, tmp_path):
         assert (tmp_path / "a/out" / file).read_bytes() == (tmp_path / "b/out" / file).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_wish_comes_before_habit(folder, tmp_path):
     record = mug(folder, tmp_path / "out", prompt="put it next to the keyboard")
     assert record["plan"]["near"] == "keyboard_3"
@@ -131,6 +134,7 @@ def test_a_wish_comes_before_habit(folder, tmp_path):
     assert mug(folder, tmp_path / "floor", prompt="on the floor")["surface"]["target"] == "floor_1"
 
 
+@pytest.mark.slow
 def test_several_objects_keep_out_of_each_other_and_what_fails_is_told(folder, tmp_path):
     entries = [{"object": "mug.obj", "label": "coffee mug"}] * 2 + [{"object": "no.obj", "label": "vase"}]
     (folder / "list.yaml").write_text(yaml.safe_dump([*entries, {"object": "book.obj", "label": "novel"}]))
@@ -146,6 +150,7 @@ def test_several_objects_keep_out_of_each_other_and_what_fails_is_told(folder, t
     assert all(crossing(a, b) is None for n, a in enumerate(added) for b in added[:n])
 
 
+@pytest.mark.slow
 def test_an_insertion_goes_over_an_insertion(folder, tmp_path):
     mug(folder, tmp_path / "one")
     stage = tmp_path / "one/insert.usda"
@@ -153,6 +158,7 @@ def test_an_insertion_goes_over_an_insertion(folder, tmp_path):
     assert list(geometric.read(tmp_path / "two/insert.usda").parts)[-2:] == ["coffee_mug_7", "novel_8"]
 
 
+@pytest.mark.slow
 def test_an_insertion_takes_neither_the_place_of_its_ground_nor_of_its_recording(folder, tmp_path):
     one, two = tmp_path / "one", tmp_path / "two"
     mug(folder, one)
@@ -510,6 +516,7 @@ def test_what_would_fail_in_the_end_is_refused_before_the_model_is_paid(folder, 
     assert not there.asked
 
 
+@pytest.mark.slow
 def test_what_an_endpoint_says_reaches_the_terminal_without_control_characters(folder, tmp_path, monkeypatch, capsys):
     words = "\x1b[31mred\x07 \x9b2J a\u202eb \r\x08\x7f end"
     monkeypatch.setattr(logging.getLogger(), "handlers", [])

@@ -125,6 +125,7 @@ def test_without_namespaces_files_keep_their_permissions_and_the_disk_is_bounded
     expect(name, attack(name, stage, tmp_path, replace(CONFIG, layers=("landlock", "seccomp"))))
 
 
+@pytest.mark.slow
 def test_what_a_script_could_see_of_the_system_is_recorded(stage: Path) -> None:
     for layers, exposed in ((("landlock", "seccomp"), 1), (CONFIG.layers, 0)):
         config = replace(CONFIG, layers=layers)
@@ -165,6 +166,7 @@ def test_the_object_joins_the_room_as_a_fixed_part_and_leaves_it_with_the_layer(
     assert stage.read_bytes() == before and list(geometric.read(stage).parts) == ["wall_1"]
 
 
+@pytest.mark.slow
 def test_the_same_script_gives_the_same_bytes(stage: Path, tmp_path: Path) -> None:
     for name in ("first.usda", "second.usda"):
         write(run_script(scripts()[0], geometry_free_text(stage), PLAN, CONFIG).layer, "geometric.usd", tmp_path / name)
@@ -197,6 +199,7 @@ def test_a_script_that_follows_another_plan_is_refused(change: dict, stage: Path
         run_script(write_script(replace(PLAN, **change)), geometry_free_text(stage), PLAN, CONFIG)
 
 
+@pytest.mark.slow
 def test_a_refused_script_leaves_room_for_the_next_in_a_process_of_its_own(stage: Path) -> None:
     with Sandbox(geometry_free_text(stage), CONFIG, False) as sandbox:
         with pytest.raises(PolicyViolation, match="ZeroDivisionError"):

@@ -65,6 +65,7 @@ def asked(model: Model) -> Plan:
     return plan(model, ROOM, FACTS, "{}", 2, UsageLog((2.5, 10.0)))
 
 
+@pytest.mark.slow
 def test_an_answer_is_believed_and_its_tokens_are_counted(monkeypatch):
     usage = UsageLog((2.5, 10.0))
     with chat(monkeypatch, words(PLAN)) as (model, there):

@@ -39,6 +39,7 @@ def test_of_60_answers_57_or_more_pass_the_policy() -> None:
     assert len(reasons) <= 3, reasons
 
 
+@pytest.mark.slow
 def test_answers_of_each_family_and_each_body_place_the_object(tmp_path: Path) -> None:
     names = list(answers())
     assert not refused([names[12 * (k % 5) + k] for k in range(12)], write_stage(tmp_path))

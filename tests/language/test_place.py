@@ -252,6 +252,7 @@ def test_what_would_fall_over_leans_at_the_wall() -> None:
     assert moved.vertices[moved.vertices[:, 2] > 0.9, 1].mean() < moved.vertices[moved.vertices[:, 2] < 0.1, 1].mean()
 
 
+@pytest.mark.slow
 def test_what_is_against_something_has_something_behind_it() -> None:
     open_floor = Scene("room", {"floor_1": corner().parts["floor_1"]})
     with pytest.raises(NoRoom, match="nothing behind them"):

@@ -48,7 +48,9 @@ PRINTS = {
 }
 
 
-@pytest.mark.parametrize("name", PRINTS)
+@pytest.mark.parametrize(
+    "name", [name if name == "flush" else pytest.param(name, marks=pytest.mark.slow) for name in PRINTS]
+)
 def test_what_a_script_prints_has_no_effect(name: str, stage: Path) -> None:
     with Sandbox(geometry_free_text(stage), CONFIG, False) as sandbox:
         plain = run_sandboxed(sandbox, GOOD, UPRIGHT)
@@ -74,6 +76,7 @@ def test_a_stage_that_crashes_its_reader_is_refused(name: str, stage: Path) -> N
             sandbox.compare(CRASHES[name], UPRIGHT)
 
 
+@pytest.mark.slow
 def test_a_crash_goes_back_to_the_model_and_the_next_script_is_run(stage: Path) -> None:
     crashing = (
         "open('scene.usda', 'wb').write(b'#usda 1.0\\ndef \"a\" { pathExpression e = \"' + b'(' * 200000 + b'\"}')"

@@ -70,6 +70,7 @@ def mug_pixels(url: str) -> int:
     return int(((red > 2 * green) & (red > 2 * blue)).sum())
 
 
+@pytest.mark.slow
 def test_what_looks_right_stays_after_one_look_from_afar_and_near(folder, tmp_path, monkeypatch):
     record, requests = reviewed(
         folder, tmp_path / "out", monkeypatch, planned("desk_2"), SIZE, {"right": True, "problem": ""}
@@ -83,6 +84,7 @@ def test_what_looks_right_stays_after_one_look_from_afar_and_near(folder, tmp_pa
     assert close > 4 * wide > 0
 
 
+@pytest.mark.slow
 def test_what_does_not_look_right_is_placed_by_one_more_plan(folder, tmp_path, monkeypatch):
     answers = planned("desk_2"), SIZE, WRONG, planned("cabinet_5")
     record, requests = reviewed(folder, tmp_path / "out", monkeypatch, *answers)

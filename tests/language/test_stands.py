@@ -35,6 +35,7 @@ def test_a_lamp_has_a_stand_and_a_broom_leans(thing: Mesh, stands: bool) -> None
     assert slender(thing) != stands
 
 
+@pytest.mark.slow
 def test_a_lamp_against_a_wall_stands_straight() -> None:
     flat = sheet((-1.5, 1.5), (0, 2.4), 0.0, 0.02)
     wall = Part("wall", Mesh(flat.vertices[:, [0, 2, 1]], flat.faces[:, ::-1]))

@@ -39,6 +39,7 @@ def near(colors: np.ndarray, color: tuple[int, int, int]) -> np.ndarray:
     return np.abs(colors.astype(int) - color).max(axis=1) < 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["glb", "obj"])
 def test_the_squares_of_a_texture_are_on_the_object(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"crate.{ending}"

@@ -54,6 +54,7 @@ def test_kept_episodes_hold_what_the_robot_did(collected: tuple[Path, Path]) -> 
     assert not list(out.glob(".unfinished*"))
 
 
+@pytest.mark.slow
 def test_kept_episodes_succeed_when_played_again(
     collected: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -165,6 +166,7 @@ def test_an_episode_that_fails_when_played_again_is_named(
     assert "2 of 3 episodes succeed" in told and "episode 1 does not" in told
 
 
+@pytest.mark.slow
 def test_what_never_succeeds_ends_in_one_line(
     collected: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -189,6 +191,7 @@ def test_a_folder_that_is_no_dataset_is_one_line(
     assert "not a dataset of s2a collect" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("keys", "why"),
     [

@@ -59,6 +59,7 @@ def test_the_object_stands_elsewhere_in_every_episode_and_ends_at_its_place(pick
     assert {"nothing", "panda", "cube_9", "cabinet_1", "drawer_2"} <= set(info["instances"])
 
 
+@pytest.mark.slow
 def test_demonstrations_of_shifted_objects_can_be_played_again(
     picked: tuple[Path, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -137,6 +138,7 @@ def assert_alike(one: object, other: object) -> None:
             assert mine == its, each.name
 
 
+@pytest.mark.slow
 def test_a_part_that_is_closed_is_seen_closing(tmp_path: Path) -> None:
     stage, out = write_cabinet(tmp_path / "sim.usda"), tmp_path / "set"
     keys = ["task=close_part", "sim=put_in", f"stage={stage}", f"out={out}", "episodes=1", "format=robomimic"]

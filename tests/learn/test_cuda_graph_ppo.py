@@ -161,6 +161,7 @@ def differences(runner: Runner) -> float:
         return float((policy(TensorDict({"policy": seen}, [256])) - Teacher()(seen)).square().mean())
 
 
+@pytest.mark.slow
 def test_the_first_iterations_imitate_at_the_first_learning_rate_and_those_after_them_do_not() -> None:
     runner = imitating(150)
     before = differences(runner)
@@ -196,6 +197,7 @@ def test_imitation_alone_moves_the_actor_and_rewards_the_critic() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_critic_that_begins_reaches_returns_beyond_what_the_clip_lets_it_move() -> None:
     class Rich(NoisyEnv):
         def step(self, action: torch.Tensor) -> None:
@@ -227,6 +229,7 @@ def test_a_policy_that_waited_for_its_critic_begins_with_small_steps() -> None:
     assert max(steps) == pytest.approx(1e-5, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [None, 1e-2])
 def test_a_critic_with_a_rate_of_its_own_learns_while_the_divergence_holds_the_actor_back(rate: float | None) -> None:
     class Paying(NoisyEnv):

@@ -82,6 +82,7 @@ def is_killed(at: int, root: Path, folder: Path, kind: type[Dataset]) -> bool:
     return os.WIFSIGNALED(os.waitpid(pid, 0)[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [LeRobot, Robomimic])
 def test_a_kill_at_any_write_loses_no_finished_episode(kind: type[Dataset], tmp_path: Path) -> None:
     whole = tmp_path / "whole"

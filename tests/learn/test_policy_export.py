@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import onnx
+import pytest
 import torch
 from counting_env import CountingEnv
 from onnx.reference import ReferenceEvaluator
@@ -16,6 +17,7 @@ from s2a.learn.rl.policy_file import export
 from s2a.learn.rl.ppo import load_model, load_policy, train
 
 
+@pytest.mark.slow
 def test_both_exports_act_as_the_policy_does_for_any_number_of_worlds(tmp_path: Path) -> None:
     small = {
         "num_steps_per_env": 8,

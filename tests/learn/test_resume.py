@@ -155,7 +155,7 @@ def leaves(value: object, name: str = "") -> dict[str, object]:
     return {} if name == "/infos/seconds" else {name: value}
 
 
-@pytest.mark.parametrize("graph", [False, True])
+@pytest.mark.parametrize("graph", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_run_that_goes_on_equals_one_that_was_not_stopped_bit_for_bit(tmp_path: Path, graph: bool) -> None:
     keys = [f"stage={write_cabinet(tmp_path / 'sim.usda')}", "num_envs=3", "device=cpu", "task.episode_steps=9"]
     keys += ["ppo.num_steps_per_env=4", "ppo.num_mini_batches=2", "ppo.hidden_dims=[16]", f"ppo.cuda_graph={graph}"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
 from cabinet import write_cabinet
 from part_worlds import metric_settings, task_settings
@@ -53,6 +54,7 @@ def test_the_tool_goes_where_the_grasp_is_seen(tmp_path: Path) -> None:
         assert np.degrees(Rotation.from_matrix(after[:3, :3].T @ should[:3, :3]).magnitude()) < 0.5
 
 
+@pytest.mark.slow
 def test_a_planner_that_sees_the_handle_elsewhere_misses_it(tmp_path: Path) -> None:
     settings = load(PlannerConfig, "planner/default")
     env = env_with(tmp_path, grasp_error=(0.08, 0.08))
@@ -61,6 +63,7 @@ def test_a_planner_that_sees_the_handle_elsewhere_misses_it(tmp_path: Path) -> N
     assert evaluate(env, Planner(env, settings, knows_grasp=True))["grasp_success"]["rate"] == 1.0
 
 
+@pytest.mark.slow
 def test_a_planner_that_sees_it_two_millimetres_off_opens_the_part(tmp_path: Path) -> None:
     env = env_with(tmp_path, grasp_error=(0.002, 0.002), grasp_turn=(1.0, 1.0))
     assert evaluate(env, Planner(env, load(PlannerConfig, "planner/default")))["grasp_success"]["rate"] == 1.0

@@ -21,6 +21,7 @@ STANDS = (0.3, 0.26, 0.33, 0.1)
 APPROACH = 0.08
 """[m] Straight path to the handle and to the object, other than by default."""
 Moved = tuple[Simulation, Trajectory, np.ndarray]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -49,6 +49,7 @@ def room(gap: float, low: float = 0.0) -> SimRoom:
 LEFT, RIGHT = np.array([-1.5, 0.0, 0.0, 0.0]), np.array([1.5, 0.0, 0.0, 0.1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gap", "passes"), [(WIDTH - 0.1, False), (WIDTH + 0.4, True)])
 def test_it_drives_through_gaps_that_are_wider_than_it(gap: float, passes: bool) -> None:
     floor = FreeFloor(room(gap), SPEC, LEFT)
@@ -141,6 +142,7 @@ def test_a_drive_keeps_the_limits_and_the_arm_stands_meanwhile() -> None:
     np.testing.assert_allclose(preceded(after, line.targets, line.base).base, whole.base, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_in_physics_it_is_where_it_is_led_to() -> None:
     """Beside a world that stands still, 3 s of driving, turning and lifting: within 5 mm and 5 mrad, and no faster than led."""
     assert SPEC.drive is not None

@@ -184,6 +184,7 @@ def wedged(found: ObjectGrasps, hulls: list[Mesh]) -> np.ndarray:
     return np.array(wrong)
 
 
+@pytest.mark.slow
 def test_the_pads_end_before_a_ledge_rather_than_at_it() -> None:
     """A cube's upper layer stood out by a millimetre over the pads' upper edge, which pressed on it from below."""
     hulls = [box((0, 0, 0), (0.025, 0.025, 0.03)), box((0, 0, 0.04), (0.0265, 0.0265, 0.01))]

@@ -109,6 +109,7 @@ def test_the_arm_takes_a_path_on_which_the_part_does_not_move_into_it(tmp_path: 
     assert most_clear(replace(stage, room=room), PANDA, both, path)[1] == 1
 
 
+@pytest.mark.slow
 def test_a_door_is_opened_another_way_where_the_asked_one_meets_something(tmp_path: Path) -> None:
     """A post stands where the hand would be that turned with a flap all the way."""
     door = Joint("revolute", (0.0, -1.0, 0.0), (0.31, 0.0, 1.1), (0.0, 1.5))
@@ -139,6 +140,7 @@ def test_an_exact_path_is_the_asked_one_whatever_it_meets(tmp_path: Path) -> Non
     np.testing.assert_array_equal(path.poses, path_of(sim.stage).poses)
 
 
+@pytest.mark.slow
 def test_a_path_out_of_reach_is_replaced_only_by_one_that_meets_nothing(tmp_path: Path) -> None:
     flap = Joint("revolute", (0.0, 1.0, 0.0), (0.31, 0.0, 0.25), (0.0, 1.5))
     plain = Simulation(

@@ -73,6 +73,7 @@ def narrow(gap: float) -> list[Mesh]:
     return [box((0.2, -0.2 + side * (0.025 + gap + 0.01), 0.867), (0.2, 0.01, 0.064)) for side in (-1, 1)]
 
 
+@pytest.mark.slow
 def test_a_narrow_place_takes_grasps_that_fit_into_it(tmp_path: Path) -> None:
     """Between walls 0.1 m apart the gripper body, 63 by 205 mm, fits only along them."""
     found = plan_pick(PickTask(room_of(tmp_path, beside=narrow(0.025)), "cube_9", START, GOAL, APPROACH), PANDA)
@@ -80,6 +81,7 @@ def test_a_narrow_place_takes_grasps_that_fit_into_it(tmp_path: Path) -> None:
     assert abs(closing[0]) > 0.9
 
 
+@pytest.mark.slow
 def test_a_place_in_something_is_said_with_the_nearest_miss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of every grasp the worst of all places on its way at both ends, and of these the least."""
     monkeypatch.setattr(pick_plan, "SAMPLES", FEW)
@@ -181,6 +183,7 @@ def held_points(room: SimRoom, found: PickPlan) -> np.ndarray:
     return surface @ body[:, :3, :3].transpose(0, 2, 1) + body[:, None, :3, 3]
 
 
+@pytest.mark.slow
 def test_what_is_held_is_carried_well_clear_of_what_its_nearest_way_grazes(plan: PickPlan, tmp_path: Path) -> None:
     """A bottle that had slipped by 3 mm met the front of a drawer that its path was to pass by 5 mm."""
     passed = held_points(room_of(tmp_path), plan)

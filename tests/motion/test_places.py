@@ -107,6 +107,7 @@ def blocks() -> list[Mesh]:
     return [box((x, y, 0.817), (0.01, 0.01, 0.015)) for x, y in places]
 
 
+@pytest.mark.slow
 def test_nearby_spots_are_on_what_carries_the_object_first_and_else_on_what_is_near(tmp_path: Path) -> None:
     poses = np.array(list(place_poses(room_of(tmp_path), "cube_9", NEAR, START)))
     assert len(poses) == CANDIDATES

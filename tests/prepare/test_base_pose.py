@@ -189,6 +189,7 @@ def test_the_arm_turns_to_the_handle_without_touching_anything() -> None:
     assert ScannedSurfaces(near, near, shape).meets(stand, still)[0] == 0.0
 
 
+@pytest.mark.slow
 def test_where_no_place_is_free_the_stage_says_so() -> None:
     walled = with_block((0.45, -3.0, 0.0), (3.0, 3.0, 2.0))
     found = base(walled, pedestals=(0.0, 0.6), turns=(0.0,))

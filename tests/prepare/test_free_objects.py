@@ -171,6 +171,7 @@ def noisy(extent: float, rise: float = 0.0) -> Mesh:
     return Mesh(points + [0.5, 1.2, 0.725], solid.faces)
 
 
+@pytest.mark.slow
 def test_a_level_support_is_flat_over_all_of_its_extent() -> None:
     scene = room(table_4=Part("table", noisy(0.8)))
     found = prepare(scene, "drawer_7", settings(), ["box_20"])
@@ -210,6 +211,7 @@ def test_what_stands_on_something_that_moves_is_refused() -> None:
         free_objects(scene, ["box_23"], ["tray_22"], settings().free)
 
 
+@pytest.mark.slow
 def test_a_drawer_that_reaches_into_what_an_object_above_stands_on_slides_all_the_same() -> None:
     """A scanned front may reach above the underside of the top over it; on its way nothing of the room meets it."""
     front = box(np.array([0.56, 1.2, 0.66]), np.eye(3), np.array([0.02, 0.2, 0.123]))

@@ -68,6 +68,7 @@ def test_without_a_scanned_surface_nothing_is_added(faces: np.ndarray) -> None:
     )
 
 
+@pytest.mark.slow
 def test_it_is_added_to_looks_and_colliders_on_request_and_told() -> None:
     settings = load(PrepareConfig, "prepare/handle")
     settings = replace(settings, base=replace(settings.base, search=False))
@@ -120,6 +121,7 @@ def test_the_frame_of_a_door_stays_open() -> None:
     assert cabinet_walls(surface(scene, ["cabinet_3"]), find_target(scene, "drawer_7")) == []
 
 
+@pytest.mark.slow
 def test_added_walls_are_marked_in_the_stage_and_told(tmp_path: Path) -> None:
     settings = load(PrepareConfig, "prepare/handle")
     settings = replace(settings, interior=True, base=replace(settings.base, search=False))

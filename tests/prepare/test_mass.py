@@ -114,6 +114,7 @@ def test_bounds_of_the_mass_that_leave_none_are_refused() -> None:
         configuration.load(verb.Config, configuration.compose("prepare", keys))
 
 
+@pytest.mark.slow
 def test_friction_holds_a_heavy_part_on_the_slope_on_which_it_holds_a_light_one() -> None:
     settings = load(PrepareConfig, "prepare/handle")
     furniture, room = (replace(one, resolution=3000) for one in (settings.cabinet, settings.room))

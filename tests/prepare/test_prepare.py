@@ -188,6 +188,7 @@ def test_a_target_without_a_cabinet_moves_against_an_empty_anchor() -> None:
     assert not cabinet(scene).colliders and not len(cabinet(scene).visual.faces)
 
 
+@pytest.mark.slow
 def test_a_drawer_without_a_cabinet_leaves_the_gripper_its_way_too() -> None:
     """As in a phone's scan: what stands around it is one surface, whose hulls fill the air before the handle."""
     parts = dict(clean_cabinet_room().parts)
@@ -203,6 +204,7 @@ def test_a_drawer_without_a_cabinet_leaves_the_gripper_its_way_too() -> None:
     assert fraction_inside(kept, way.reshape(-1, 3)) == 0.0
 
 
+@pytest.mark.slow
 def test_a_shelf_that_is_not_annotated_as_furniture_keeps_its_compartments_free() -> None:
     """Eight of 0.15 m, beside each other, around a drawer of no furniture: more than the six hulls of what only stands around."""
     parts = dict(clean_cabinet_room().parts)

@@ -107,6 +107,7 @@ def test_the_planner_opens_it_by_a_grasp(room: Path) -> None:
     assert result["grasp_success"]["rate"] == 1.0 and result["opening"]["min"] > 0.25
 
 
+@pytest.mark.slow
 def test_an_episode_may_start_in_the_grip(room: Path) -> None:
     """Closed on the way, then 2 mm off the walls of a pocket of 50 mm: half of it less a finger of 15.2 mm."""
     env = make_env(read_stage(room), sim="sim/planner")
@@ -117,6 +118,7 @@ def test_an_episode_may_start_in_the_grip(room: Path) -> None:
     assert (motion.targets[motion.grasped :, 7:9] == GRIPPER.finger_joint_open).all()
 
 
+@pytest.mark.slow
 def test_gripping_and_its_observation_mean_the_same_from_within(room: Path) -> None:
     """An action of -1 grips: outside it closes the fingers, within it opens them, and both look alike to a policy."""
     stage = read_stage(room)
@@ -135,6 +137,7 @@ def test_gripping_and_its_observation_mean_the_same_from_within(room: Path) -> N
     assert torch.allclose(seen[False][:, fingers], seen[True][:, fingers], atol=0.02)
 
 
+@pytest.mark.slow
 def test_validation_passes_and_finds_a_grasp_beside_the_pocket(room: Path, tmp_path: Path) -> None:
     settings = load(CertifyConfig, "certify/default")
     (right,) = certify(room, settings)
@@ -162,6 +165,7 @@ def test_one_finger_in_a_long_pocket_or_a_fist_is_no_grasp(room: Path) -> None:
     assert grasped(env) == [0, 0, 1]
 
 
+@pytest.mark.slow
 def test_validation_finds_a_bar_that_is_said_to_be_a_pocket(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(write_cabinet(tmp_path / "room.usda")))
     site = stage.GetPrimAtPath("/scene/drawer_2/grasp")

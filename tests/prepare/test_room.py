@@ -72,6 +72,7 @@ def test_a_part_is_the_same_whether_the_others_are_prepared_or_not(room: SimRoom
     assert {"drawer_8", "door_5", INNER} < {c.part for c in alone.bodies["cabinet_3"].colliders}
 
 
+@pytest.mark.slow
 def test_several_processes_find_what_one_finds(
     room: SimRoom, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -81,6 +82,7 @@ def test_several_processes_find_what_one_finds(
     assert again == room
 
 
+@pytest.mark.slow
 def test_the_second_time_nothing_is_computed_again(room: SimRoom, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts_module, "_part", lambda *_: pytest.fail("not from the cache"))
     assert prepare(nested_room(), "all", quick()) == room
@@ -92,6 +94,7 @@ def test_no_static_hull_reaches_into_the_path_of_any_part(room: SimRoom) -> None
             assert max(overlap(c.mesh, cover) for c in room.static_colliders) < 5e-4
 
 
+@pytest.mark.slow
 def test_a_part_that_cannot_be_prepared_costs_no_other_and_is_named(caplog: pytest.LogCaptureFixture) -> None:
     scene = nested_room()
     bare = {

@@ -174,12 +174,14 @@ def test_no_decimation_changes_nothing() -> None:
     assert [(r.before, r.max) for r in decimated("none").reductions] == [(2 * SIDE**2, 0.0), (4 * SIDE**2, 0.0)]
 
 
+@pytest.mark.slow
 def test_a_bound_on_the_error_is_kept_with_as_few_faces_as_it_allows() -> None:
     loose, tight = (decimate_room(ROOM, ("floor_1",), config(mode="error", max_error=e)) for e in (0.0015, 0.0005))
     assert loose.reductions[0].p99 <= 0.0015 and tight.reductions[0].p99 <= 0.0005
     assert loose.reductions[0].after < tight.reductions[0].after < 2 * SIDE**2
 
 
+@pytest.mark.slow
 def test_what_the_robot_moves_keeps_every_face_and_the_stage_says_what_the_room_lost(tmp_path: Path) -> None:
     room = clean_cabinet_room()
     settings = load(PrepareConfig, "prepare/handle")

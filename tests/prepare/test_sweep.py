@@ -85,6 +85,7 @@ def test_what_overlaps_on_the_path_is_filtered_and_the_stage_says_so(prepared: S
         assert list(stage.GetPrimAtPath("/scene/drawer_7").GetAttribute("s2a:notes").Get()) == ["told"]
 
 
+@pytest.mark.slow
 def test_several_parts_become_one_room(tmp_path: Path) -> None:
     geometric.write(clean_cabinet_room(), tmp_path / "room.usd")
     given = [f"stage={tmp_path / 'room.usd'}", "targets=[drawer_7,door_5]", f"out={tmp_path / 'sims/sim.usd'}"]

@@ -161,6 +161,7 @@ def test_the_pads_stay_parallel_while_they_close(linkage: RobotSpec) -> None:
         assert tilt < 0.02
 
 
+@pytest.mark.slow
 def test_its_spheres_cover_its_links(linkage: RobotSpec) -> None:
     shape = robot_shape(linkage)
     assert set(shape.fingers.nonzero()[0]) < set(shape.held.nonzero()[0])

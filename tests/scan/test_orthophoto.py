@@ -92,6 +92,7 @@ def test_the_rectangle_around_a_front_faces_as_its_faces_do() -> None:
     assert rectangle.axes == pytest.approx(orthophoto.upright((0, 0, 0), np.pi, (1, 1)).axes, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_user_sees_the_wall_of_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     walk, scan, image = recordings.seven_scenes(tmp_path / "walk", 36), tmp_path / "scan", tmp_path / "wall.png"
     options = ["voxel=0.03", "far=9", "up=z", "floor=false"]

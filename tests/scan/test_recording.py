@@ -86,6 +86,7 @@ def test_a_r3d_file_is_read_as_what_it_unpacks_to(tmp_path: Path) -> None:
         assert color is not None and paint is not None and np.array_equal(color, paint)
 
 
+@pytest.mark.slow
 def test_colour_of_a_camera_of_its_own_falls_where_it_was_seen(tmp_path: Path) -> None:
     """Colour images 15 cm beside the depth camera: the border of the floor's red lies at the walls only if that is told."""
     folder, offset = recordings.seven_scenes(tmp_path / "walk", 36), 0.15
@@ -179,6 +180,7 @@ def test_frames_that_contradict_each_other_are_refused(tmp_path: Path, name: str
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_depth_in_another_unit_is_refused(tmp_path: Path) -> None:
     folder = recordings.seven_scenes(tmp_path / "walk", 72)
     for path in folder.glob("*.depth.png"):

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
 from cabinet import TRAVEL, write_cabinet
 from settings import load
@@ -30,6 +31,7 @@ def test_the_texture_holds_each_corner_in_its_color() -> None:
     assert found == colors[faces.ravel()].tolist()
 
 
+@pytest.mark.slow
 def test_a_picture_changes_where_the_drawer_moved(tmp_path: Path) -> None:
     stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
     start = robot.load(stage.robot).start

@@ -158,6 +158,7 @@ def test_a_grip_is_felt_on_the_region_and_pulls_the_drawer_as_mujoco_says(stage:
     )
 
 
+@pytest.mark.slow
 def test_every_physics_step_is_felt_where_the_part_was_and_the_largest_force_is_kept(stage: SimStage) -> None:
     env = make_env(stage, sim="sim/planner")
     planner, felt = gripping(env), []
@@ -189,6 +190,7 @@ def raise_region(env: VecEnv) -> None:
     region.points = wp.array(region.points.numpy() + [0.0, 0.0, 0.04], dtype=wp.vec3)
 
 
+@pytest.mark.slow
 def test_a_hinge_that_moves_is_held_back_as_mujoco_says(tmp_path_factory: pytest.TempPathFactory) -> None:
     joint = Joint("revolute", (0.0, 0.0, 1.0), tuple(HANDLE + [0.0, RADIUS, 0.0]), (-0.5, 1.2))
     stage = read_stage(write_cabinet(tmp_path_factory.mktemp("door") / "sim.usda", joint=joint))

@@ -72,6 +72,7 @@ def moved(paths: list[Path], opening: float, force: float, seconds: float) -> tu
     return np.array(seen)[:, 0], np.array(seen)[:, 1]
 
 
+@pytest.mark.slow
 @JOINTS
 def test_breakaway_holds_a_part_that_dry_friction_in_motion_would_not(tmp_path: Path, joint: Joint) -> None:
     with_it, without = part(tmp_path / "a.usd", joint, BREAKAWAY), part(tmp_path / "b.usd", joint)

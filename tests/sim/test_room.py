@@ -114,6 +114,7 @@ def hulls_of(builder: newton.ModelBuilder, body: str) -> list[Mesh]:
     return [Mesh(builder.shape_source[i].vertices, builder.shape_source[i].indices.reshape(-1, 3)) for i in found]
 
 
+@pytest.mark.slow
 def test_what_is_frozen_in_the_path_of_a_part_is_cut_in_its_worlds_alone(tmp_path: Path) -> None:
     scene = nested_room()
     near = scene.parts["drawer_7"].mesh.bounds.mean(axis=0) + [0.35, 0.2, 0.0]
@@ -143,12 +144,14 @@ def static(builder: newton.ModelBuilder) -> list[str]:
     return [label for label, body in zip(builder.shape_label, builder.shape_body, strict=True) if body == -1]
 
 
+@pytest.mark.slow
 def test_all_colliders_near_a_path_are_loaded_however_many(tmp_path: Path) -> None:
     """500 boxes between robot and drawer, up to 1 m above the floor, and the floor; the wall is out of reach."""
     names = static(world(crowded(tmp_path, 500, 0.0016), "drawer_2"))
     assert [int(name[-3:].lstrip("_")) for name in names] == [0, *range(2, 502)]
 
 
+@pytest.mark.slow
 def test_a_world_has_room_for_the_contacts_of_all_that_it_loads(tmp_path: Path) -> None:
     (tmp_path / "few").mkdir()
     many, few = crowded(tmp_path, 400, 0.002), crowded(tmp_path / "few", 20, 0.04)
@@ -234,6 +237,7 @@ def test_no_shape_of_a_live_room_leaves_the_box_that_decides_what_it_may_meet(pa
     assert ((bodies == lone).any(axis=1) & np.isin(bodies, sim.layout.robot_bodies).any(axis=1)).any()
 
 
+@pytest.mark.slow
 def test_the_next_task_goes_on_where_the_last_one_ended(path: Path) -> None:
     stages = [read_stage(path, part, also=(ALL,)) for part in ("drawer_7", "door_5")]
     stages[1] = replace(stages[1], base=stages[0].base)  # the robot stays where it stands

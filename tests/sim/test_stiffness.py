@@ -35,11 +35,13 @@ def sunk(mass: float, hard: bool) -> float:
     return 0.02 - float(now.body_q.numpy()[0, 2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [0.02, 0.1, 0.2])
 def test_what_is_pressed_sinks_as_far_as_its_surface_is_stiff(mass: float) -> None:
     """Four corners share the force."""
     assert sunk(mass, hard=True) == pytest.approx(FORCE / 4 / SURFACE, rel=0.3)
 
 
+@pytest.mark.slow
 def test_by_default_a_light_thing_sinks_in_by_millimetres() -> None:
     assert sunk(0.02, hard=False) > 5.0 * sunk(0.02, hard=True)

@@ -38,6 +38,7 @@ def still(env: VecEnv) -> VecEnv:
     return env
 
 
+@pytest.mark.slow
 def test_any_task_is_run_counted_and_evaluated_by_its_own_columns(stage: SimStage) -> None:
     env = make_env(stage, start_noise=0.0, episode_steps=30)
     assert env.columns == ("lifted", "highest", "invalid", "row_overflow", "contact_overflow")
@@ -104,6 +105,7 @@ def test_an_action_that_is_no_number_ends_that_worlds_episode_as_invalid(stage: 
     assert torch.isfinite(pair.observation).all() and torch.isfinite(pair.sim.joint_target_q).all()
 
 
+@pytest.mark.slow
 def test_a_reset_touches_no_other_world(stage: SimStage) -> None:
     pair, single = make_env(stage), make_env(stage)
     action = torch.rand(2, 9, generator=torch.Generator().manual_seed(1)) * 0.4 - 0.2
@@ -163,6 +165,7 @@ def test_the_same_seed_gives_the_same_start_and_another_seed_another(stage: SimS
     assert not torch.equal(starts[0][1], starts[2][1])
 
 
+@pytest.mark.slow
 def test_saved_worlds_go_on_exactly_and_those_of_another_number_or_task_are_refused(stage: SimStage) -> None:
     first, second = make_env(stage, seed=3, episode_steps=8), make_env(stage, seed=4, episode_steps=8)
     actions = torch.rand(16, 2, 9, generator=torch.Generator().manual_seed(0)) * 0.6 - 0.3

@@ -83,6 +83,7 @@ def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) ->
     assert "off_handle_success" in said and "0.0%" in said and "grasped_fraction" in said
 
 
+@pytest.mark.slow
 def test_states_are_those_of_each_world_and_can_be_played(tmp_path: Path) -> None:
     stage, file = write_cabinet(tmp_path / "sim.usda"), tmp_path / "states.npz"
     keys = (f"stage={stage}", f"out={tmp_path / 'random.json'}", "agent=random", "num_envs=3", "task.episode_steps=6")

@@ -183,6 +183,7 @@ def test_the_observation_equals_a_plain_reference_on_random_states(stage: SimSta
     assert torch.allclose(env.observation.double(), expected.double().clamp(-5.0, 5.0), atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(stage: SimStage) -> None:
     def run(seed: int) -> torch.Tensor:
         env, actions = make_env(stage, seed=seed, episode_steps=16), torch.Generator().manual_seed(0)

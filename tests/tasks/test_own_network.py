@@ -55,6 +55,7 @@ def sizes(env: TaskVectorEnv) -> tuple[int, int]:
     return env.single_observation_space.shape[0], env.single_action_space.shape[0]
 
 
+@pytest.mark.slow
 def test_a_wrapped_module_acts_alike_in_any_number_of_worlds_and_knows_its_world(
     env: TaskVectorEnv, tmp_path: Path
 ) -> None:

@@ -70,6 +70,7 @@ def test_both_fingers_follow_the_mean_of_their_actions_at_their_motors_speed(sta
     assert float(moved[1, 0]) == pytest.approx(-0.05 * (0.2 - 0.025), abs=2e-4)
 
 
+@pytest.mark.slow
 def test_extreme_actions_stay_within_every_limit_and_press_gently(stage: SimStage) -> None:
     env = make_env(stage, 12, episode_steps=300, sim="sim/real", graph=True)
     use, fingers_apart = LimitUse(env.sim), []

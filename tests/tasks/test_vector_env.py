@@ -53,6 +53,7 @@ class One(gymnasium.Env[np.ndarray, np.ndarray]):
         return observation[0].numpy(), float(reward[0]), bool(terminated[0]), bool(truncated[0]), {}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*Box observation space.*infinity")
 @pytest.mark.filterwarnings("ignore:.*render")
 def test_gymnasiums_own_checks_pass(room: Path) -> None:
@@ -117,6 +118,7 @@ def test_wrong_actions_are_one_line_and_move_nothing(room: Path, actions: Any, m
     assert torch.equal(env.worlds.sim.joint_q, before)
 
 
+@pytest.mark.slow
 def test_lengthened_worlds_are_those_that_were_made_so(room: Path) -> None:
     first = []
     for steps, length in ((6, 9), (9, 9)):

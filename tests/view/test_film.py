@@ -58,6 +58,7 @@ def decoded(data: bytes) -> tuple[float, np.ndarray]:
         return file.duration / av.time_base, np.stack([f.to_ndarray(format="rgb24") for f in file.decode(video=0)])
 
 
+@pytest.mark.slow
 def test_a_success_and_a_failure_become_videos_in_which_the_drawer_moves_or_not(
     seen: States, stage: Path, tmp_path: Path
 ) -> None:
@@ -75,6 +76,7 @@ def test_a_success_and_a_failure_become_videos_in_which_the_drawer_moves_or_not(
     assert differences[0] > 0.01 > 10 * differences[1]
 
 
+@pytest.mark.slow
 def test_one_video_where_there_is_no_other_outcome_and_a_long_one_is_faster(
     seen: States, stage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -81,6 +81,7 @@ def test_a_coarse_room_comes_first_and_while_something_moves(server: viser.Viser
     assert (seen("/surfaces"), seen("/coarse/surfaces")) == (False, False)
 
 
+@pytest.mark.slow
 def test_a_turning_camera_sees_fewer_faces_until_it_rests(server: viser.ViserServer, room: PageRoom) -> None:
     nodes = scene_nodes.SceneNodes(server.scene, room, coarse=thinned(room, 60))
     nodes.show(layers.SURFACES)

@@ -59,6 +59,7 @@ def test_another_room_or_world_or_file_is_one_line(seen: States, stage: Path, tm
         states.read(tmp_path / "other.npz")
 
 
+@pytest.mark.slow
 def test_the_robot_stands_at_its_base_and_the_cube_rises(seen: States, stage: Path) -> None:
     found = played.of_states(seen, sim_stage.read(stage, visuals=False))
     one, other = found.worlds

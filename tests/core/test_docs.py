@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import satellites
+from few import few
 
 from s2a.commands import cli
 from s2a.core import config
@@ -72,7 +73,9 @@ def test_links_and_paths_lead_to_files_of_the_repository(page: str) -> None:
     assert [link for link in links if not (ROOT / link).exists()] == []
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page != "CHANGELOG.md"])  # it names keys of its time
+@pytest.mark.parametrize(
+    "page", few([page for page in PAGES if page != "CHANGELOG.md"], 4)
+)  # it names keys of its time
 def test_every_command_of_the_documentation_is_understood(page: str) -> None:
     text = (ROOT / page).read_text()
     for arguments in map(list, dict.fromkeys(map(tuple, commands(text) + mentions(text)))):
@@ -109,6 +112,7 @@ def run(calls: list[list[str]]) -> None:
         assert cli.main(arguments) == 0, shlex.join(arguments)
 
 
+@pytest.mark.slow
 def test_the_cheap_commands_of_the_first_room_run(
     office_scan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

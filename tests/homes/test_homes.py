@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from few import few
 from solid_sweep import SHELL, carried, clashes, overlaps, parts, whole
 
 from s2a.homes.furnishing import HOMES, home
@@ -36,9 +37,7 @@ SOFT = ("blanket", "pillow", "towel")
 """What gives way to what it lies on."""
 FEW = [(name, 3 + i) for i, name in enumerate(HOMES)]
 MANY = [(name, seed) for seed in range(100, 110) for name in HOMES]
-few_rooms = pytest.mark.parametrize(
-    ("name", "seed"), FEW[:4] + [pytest.param(*room, marks=pytest.mark.slow) for room in FEW[4:]]
-)
+few_rooms = pytest.mark.parametrize(("name", "seed"), few(FEW, 3))
 many_rooms = pytest.mark.parametrize(("name", "seed"), MANY)
 
 
@@ -72,7 +71,7 @@ def test_a_box_before_the_oven_is_in_its_doors_way() -> None:
     assert line.startswith("oven door") and "enters crate" in line
 
 
-@pytest.mark.parametrize("name", HOMES)
+@pytest.mark.parametrize("name", few(HOMES, 4))
 def test_a_home_has_the_same_solids(name: str) -> None:
     room = home(name, 100)
     surface, owners = cad(catalog(room.pieces))

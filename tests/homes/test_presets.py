@@ -51,6 +51,7 @@ def phone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return take(tmp_path_factory.mktemp("phone") / "scan")
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes(phone: Path, tmp_path: Path) -> None:
     again = take(tmp_path / "again")
     files = sorted(path.relative_to(phone) for path in phone.rglob("*") if path.is_file())

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import torch
 from counting_env import CountingEnv
+from few import few
 from settings import load
 
 from s2a.core.errors import InputError
@@ -70,7 +71,7 @@ def test_a_hostile_checkpoint_is_refused_in_one_line_and_nothing_of_it_is_execut
     assert mark.exists(), "it does its work where it is trusted"
 
 
-@pytest.mark.parametrize("damage", ["half", "empty", "other", "no run", "other worlds"])
+@pytest.mark.parametrize("damage", few(["half", "empty", "other", "no run", "other worlds"]))
 def test_a_damaged_checkpoint_is_one_line(run: Path, damage: str) -> None:
     file, whole = run / "model_0.pt", torch.load(run / "model_0.pt", weights_only=True)
     content = file.read_bytes()

@@ -43,6 +43,7 @@ def picked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return stage, folder / "set"
 
 
+@pytest.mark.slow
 def test_the_object_stands_elsewhere_in_every_episode_and_ends_at_its_place(picked: tuple[Path, Path]) -> None:
     tables = [table(picked[1], i) for i in range(2)]
     starts = np.array([each["observation.objects"][0] for each in tables])
@@ -68,6 +69,7 @@ def test_demonstrations_of_shifted_objects_can_be_played_again(
     assert "2 of 2 episodes succeed when played again" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_grasp_moves_with_the_object(picked: tuple[Path, Path]) -> None:
     """At the steps of the grasp the tool is at S P^-1 T; before the arm sets off and above the place, nothing is added."""
     import torch

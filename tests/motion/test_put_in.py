@@ -30,6 +30,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> tuple[PutTask, PutPlan]
     return found, plan_put(found, PANDA)
 
 
+@pytest.mark.slow
 def test_the_segments_follow_one_another_from_home_to_home(planned: tuple[PutTask, PutPlan]) -> None:
     plan, home = planned[1], np.array(PANDA.home)
     ends = [(plan.to_shut[0], home), (plan.to_shut[-1], plan.handle[0]), (plan.leave[0], plan.handle[-1])]
@@ -39,6 +40,7 @@ def test_the_segments_follow_one_another_from_home_to_home(planned: tuple[PutTas
         np.testing.assert_allclose(one, other, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_handle_is_led_as_far_as_the_drawer_opens(planned: tuple[PutTask, PutPlan]) -> None:
     found, plan = planned
     first, last = plan.held
@@ -47,6 +49,7 @@ def test_the_handle_is_led_as_far_as_the_drawer_opens(planned: tuple[PutTask, Pu
     np.testing.assert_allclose(tool[:, :3, 3], handle_path(found).poses[:, :3, 3], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_object_ends_on_the_floor_of_the_open_drawer(planned: tuple[PutTask, PutPlan]) -> None:
     plan = planned[1]
     assert plan.goal[2] == pytest.approx(FLOOR + 0.02 + 0.001, abs=1e-4)

@@ -125,7 +125,8 @@ def gripping(env: VecEnv, more: int = 9) -> Planner:
     return planner
 
 
-@pytest.mark.parametrize("cone", ["elliptic", pytest.param("pyramidal", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 def test_a_grip_is_felt_on_the_region_and_pulls_the_drawer_as_mujoco_says(stage: SimStage, cone: str) -> None:
     env = make_env(stage, sim=Simulation(stage, load(SimConfig, "sim/planner", cone=cone), 2))
     gripping(env)

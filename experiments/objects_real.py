@@ -35,6 +35,7 @@ from s2a.language.client import choose
 from s2a.language.insert.batch import open_room
 from s2a.language.insert.describe import RoomState
 from s2a.language.insert.pipeline import attempt
+from s2a.language.insert.rules import rules
 from s2a.language.insert.settings import Inserted, InsertSettings, ObjectRequest
 from s2a.scene.scene import Mesh
 
@@ -86,7 +87,7 @@ def _room(name: str, labels: list[str], args: argparse.Namespace) -> list[dict]:
     """Insert the objects of a room, each alone; return their rows."""
     settings = _insert_settings(args.captures / name / "geometric.usd", name, [], args)
     room, turn = open_room(settings), Lock()
-    model, found = _in_turn(choose(settings.llm, settings.record), turn), _objects(labels, name, args)
+    model, found = _in_turn(choose(settings.llm, settings.record, rules), turn), _objects(labels, name, args)
 
     def insert_one(entry: tuple[Path, dict]) -> dict:
         with turn:  # what does not wait for a model is done one at a time

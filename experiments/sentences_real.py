@@ -17,6 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from insertion_study import RESULTS
 from skill_rooms import message, s2a
@@ -26,11 +27,12 @@ from s2a.core.provenance import provenance
 from s2a.language.ask import Request
 from s2a.language.commands.do import Config
 from s2a.language.do.episode import tasks_of
-from s2a.language.do.facts import gather
+from s2a.language.do.facts import Facts, gather
 from s2a.language.do.rules import rules
 from s2a.scene.usd import descriptive, sim_stage
 
 SENTENCES = Path(__file__).parent / "sentences_real.yaml"
+MARGIN = 0.06  # [m] Around a front's box: two drawings of one front differ by so much
 
 
 def main() -> None:
@@ -52,6 +54,7 @@ def main() -> None:
         described = descriptive.read(args.captures / name / "descriptive.usda")
         facts, skills = gather(sim_stage.read(stage), described, {}, settings.robot.name), tasks_of(settings.skills)
         for entry in sentences[name]:
+            entry = _with_ids(entry, facts)
             question = {"sentence": entry["sentence"], "things": facts, "skills": skills}
             plan = json.loads(rules(Request("skills", "", (("user", ""),), None, question)).text)
             done = [
@@ -88,6 +91,22 @@ def main() -> None:
         json.dumps({**provenance(args.device), **counts, "rows": rows}, indent=1) + "\n"
     )
     print(counts)
+
+
+def _with_ids(entry: dict[str, Any], facts: Facts) -> dict[str, Any]:
+    """Return a sentence with the id of the front at each point; a front that the room has not is named by its point."""
+    points = [(skill, at) for skill, *rest in entry.get("do", ()) for at in rest if isinstance(at, list)]
+    if not points:
+        return entry
+    ids = [_front(at, facts) for _, at in points]
+    return {"sentence": entry["sentence"].format(*ids), "do": [[skill, i] for (skill, _), i in zip(points, ids, strict=True)]}
+
+
+def _front(at: list[float], facts: Facts) -> str:
+    """Return the id of what moves on a joint and whose middle is nearest to a point that its box holds, but for MARGIN."""
+    off = {i: np.abs(np.subtract(at, thing.center)) for i, thing in facts.items() if thing.moves and thing.center}
+    here = [i for i in off if (off[i] <= np.array(facts[i].size) / 2 + MARGIN).all()]
+    return min(here, key=lambda i: float(np.linalg.norm(off[i])), default=str(at))
 
 
 def _stage(captures: Path, name: str) -> Path:

@@ -21,7 +21,7 @@ from s2a.core.errors import CheckFailed, InputError
 from s2a.core.outputs import Output, atomic_write
 from s2a.core.progress import track
 from s2a.core.provenance import provenance
-from s2a.learn.evaluate import Policy, baseline, by_part, overstated, run_episodes, unsound
+from s2a.learn.evaluate import baseline, by_part, overstated, run_episodes, unsound
 from s2a.learn.perception import follow
 from s2a.learn.perception.follow import read_policy
 from s2a.learn.rl.ppo import load_policy
@@ -33,7 +33,7 @@ from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env, pool
 from s2a.tasks.base import MdpConfig
-from s2a.tasks.env import VecEnv
+from s2a.tasks.env import Policy, VecEnv
 
 _log = logging.getLogger(__name__)
 

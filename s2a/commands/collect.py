@@ -13,7 +13,6 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write, full_disk_reported
 from s2a.core.provenance import provenance
 from s2a.learn.collect.episodes import Collector, Dataset, read_stage, temporary, write_stage
-from s2a.learn.evaluate import Policy
 from s2a.learn.perception.follow import read_policy
 from s2a.learn.rl.run_folder import world_json
 from s2a.motion.policy import Planner
@@ -26,7 +25,7 @@ from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env, pool
 from s2a.tasks.base import MdpConfig
-from s2a.tasks.env import VecEnv
+from s2a.tasks.env import Policy, VecEnv
 
 Format = Literal["lerobot", "robomimic"]
 PATIENCE = 5  # Batches without a success after which collecting ends

@@ -21,7 +21,7 @@ from s2a.commands.worlds import WorldsConfig
 from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write, require_writable
 from s2a.core.provenance import provenance
-from s2a.learn.evaluate import Agent, Policy, SoftStates, baseline, by_part, evaluate_soft, run_episodes, summary
+from s2a.learn.evaluate import Agent, SoftStates, baseline, by_part, evaluate_soft, run_episodes, summary
 from s2a.learn.perception.follow import DepthPolicy, Follower, is_depth, read_policy
 from s2a.learn.perception.follow import export as export_depth
 from s2a.learn.rl.policy_file import PolicyFile, export
@@ -42,7 +42,7 @@ from s2a.sim.soft_body import SoftConfig, soft_body
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env, pool
 from s2a.tasks.base import MdpConfig, Task, meanings
-from s2a.tasks.env import VecEnv
+from s2a.tasks.env import Policy, VecEnv
 from s2a.tasks.soft import COLUMNS, NAME, SOFT_TASK, VALUES, SoftMetrics, SoftTask, trials
 from s2a.tasks.state import LIMITS
 from s2a.view import states

@@ -18,7 +18,6 @@ from s2a.core.bounds import Count, CountFromZero, NotNegative, Positive
 from s2a.core.errors import InputError, encodable, printable
 from s2a.core.outputs import atomic_write
 from s2a.language.ask import Answer, Model, Request, is_count, tokens
-from s2a.language.insert.rules import rules
 from s2a.scene.scene import UNANNOTATED
 
 # Numbers of a pose in the question for a script. A recording has a slot for each, because the same question may come
@@ -229,10 +228,10 @@ def kind_of(config: LlmConfig) -> str:
     return "chat" if os.environ.get("OPENAI_API_KEY") else "rules"
 
 
-def choose(config: LlmConfig, record: Path | None, fallback: Model = rules) -> Model:
+def choose(config: LlmConfig, record: Path | None, fallback: Model) -> Model:
     """Return the model that is asked for; its answers are added to the recording `record`, if one is given.
 
-    `record`: the recording, or None.
+    `record`: the recording, or None; `fallback`: the rules.
 
     Raises:
         InputError: replay without a recording, or chat without a key.

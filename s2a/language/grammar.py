@@ -26,7 +26,7 @@ NOUNS = {
     "tv stand": "tv cabinet|tv bench|media console|lowboard|tv unit|tv table", "tv cabinet": "tv stand|lowboard",
     "dresser": "chest of drawers|drawer chest|commode|sideboard", "stove": "hob|cooktop|oven|cooker|range",
     "cabinet": "cupboard|storage cabinet|sideboard|filing cabinet|file cabinet|drawer cabinet", "cup": "mug",
-    "table": "dining table|side table|kitchen table|end table|meeting table", "windowsill": "window sill|window ledge",
+    "table": "dining table|side table|coffee table|kitchen table|end table|meeting table", "windowsill": "window sill|window ledge",
     "desk": "office desk|writing desk|workbench|office table", "keyboard": "computer keyboard", "microwave": "microwave oven",
     "tv": "television|tv set|television set|flat screen|screen", "floor": "ground", "rug": "carpet|mat",
     "monitor": "screen|display|computer screen|computer monitor", "toilet": "cistern|toilet tank|wc",

@@ -12,13 +12,12 @@ import torch
 from s2a.core.progress import track
 from s2a.motion.trajectory import PlannerConfig
 from s2a.sim.soft import SoftSimulation
-from s2a.tasks.env import VecEnv
+from s2a.tasks.env import Policy, VecEnv
 from s2a.tasks.pool import PoolPart
 from s2a.tasks.soft import COLUMNS, VALUES, SoftMetrics, SoftTrial, run_trial
 from s2a.tasks.state import ERRORS
 
 _log = logging.getLogger(__name__)
-Policy = Callable[[torch.Tensor], torch.Tensor]  # Observation [world observation] -> action [world action]
 
 
 def evaluate(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: None) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -63,10 +64,10 @@ class Obstacles:
             if body.id not in without
             for collider in body.colliders
         ]
-        named += [
-            (each.part, Mesh(np.asarray(each.mesh.vertices, float), each.mesh.faces)) for each in room.static_colliders
-        ]
-        return cls([(name, mesh) for name, mesh in named if _is_near(mesh, about)], solid=True)
+        named = [each for each in (*named, *((c.part, c.mesh) for c in room.static_colliders)) if len(each[1].faces)]
+        low, high = np.stack([mesh.bounds for _, mesh in named], axis=1) if named else np.zeros((2, 0, 3))
+        near = np.linalg.norm(np.clip(about, low, high) - about, axis=1) <= RADIUS
+        return cls([*itertools.compress(named, near)], solid=True)
 
     @classmethod
     def of_scan(cls, scene: Scene, about: np.ndarray, radius: float) -> Obstacles:
@@ -207,12 +208,6 @@ class _Surfaces:
     def owners(self, points: np.ndarray) -> np.ndarray:
         """Return the mesh that is nearest to each point."""
         return nearest_meshes(self.forest, points, reach=100.0)[0]
-
-
-def _is_near(mesh: Mesh, about: np.ndarray) -> bool:
-    """Return whether the bounding box of a mesh with faces is within RADIUS of a point [3]."""
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    return len(mesh.faces) > 0 and bool(np.linalg.norm(np.clip(about, low, high) - about) <= RADIUS)
 
 
 def _is_beside(mesh: Mesh, place: np.ndarray, radius: float) -> bool:

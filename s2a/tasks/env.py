@@ -5,7 +5,7 @@ and the task reads the contacts; the task's update, then reward terms and their 
 counts; the reset of these worlds; observations. Nothing is allocated and nothing waits for the device.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +24,7 @@ from s2a.tasks import kernels
 from s2a.tasks.base import Task, weights_of
 from s2a.tasks.state import ERRORS, allocate
 
+Policy = Callable[[torch.Tensor], torch.Tensor]  # Observation [world observation] -> action [world action]
 FINGER_TIME = 0.05  # [s] In which a finger reaches its speed; no maker says
 
 

@@ -19,6 +19,7 @@ from s2a.language.ask import Model, Request, UsageLog, ValidationFeedback, ask, 
 from s2a.language.client import LlmConfig, choose, kind_of
 from s2a.language.insert import prompts
 from s2a.language.insert.plan import FailedPlan, Plan, checked, plan, size
+from s2a.language.insert.rules import rules
 from s2a.scene.scene import Mesh, Part, Scene
 
 ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})
@@ -58,7 +59,7 @@ def chat(monkeypatch: pytest.MonkeyPatch, *replies: Any, **changes: Any) -> Iter
     with endpoint(*replies) as there:
         monkeypatch.setenv("OPENAI_API_KEY", "secret-key")
         monkeypatch.setenv("OPENAI_BASE_URL", there.url)
-        yield choose(llm("chat", **{"attempts": 1, "timeout": 2.0, **changes}), None), there
+        yield choose(llm("chat", **{"attempts": 1, "timeout": 2.0, **changes}), None, rules), there
 
 
 def asked(model: Model) -> Plan:
@@ -235,7 +236,7 @@ def test_without_a_key_there_are_rules_and_chat_says_what_is_missing(monkeypatch
     auto = llm("auto")
     assert kind_of(auto) == "rules"
     with pytest.raises(InputError, match="OPENAI_API_KEY"):
-        choose(llm("chat"), None)
+        choose(llm("chat"), None, rules)
     monkeypatch.setenv("OPENAI_API_KEY", "any")
     assert kind_of(auto) == "chat"
 
@@ -245,11 +246,11 @@ def recording(monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
     with endpoint(words(PLAN)) as there:
         monkeypatch.setenv("OPENAI_API_KEY", "secret-key")
         monkeypatch.setenv("OPENAI_BASE_URL", there.url)
-        asked(choose(llm("chat"), path))
+        asked(choose(llm("chat"), path, rules))
 
 
 def replay(path: Path) -> Model:
-    return choose(llm("replay", answers=path), None)
+    return choose(llm("replay", answers=path), None, rules)
 
 
 def test_a_recording_answers_the_same_question_and_holds_no_key(monkeypatch, tmp_path):
@@ -283,7 +284,7 @@ def test_a_recording_answers_in_the_same_room_measured_anew_and_says_so(monkeypa
 def test_recording_asks_anew_and_a_question_of_the_same_run_once(monkeypatch, tmp_path):
     recording(monkeypatch, tmp_path / "answers.json")
     with chat(monkeypatch, words({**PLAN, "up": "-z"})) as (_, there):
-        model, usage = choose(llm("chat"), tmp_path / "answers.json"), UsageLog((2.5, 10.0))
+        model, usage = choose(llm("chat"), tmp_path / "answers.json", rules), UsageLog((2.5, 10.0))
         assert asked(model).up == "-z"
         assert plan(model, ROOM, FACTS, "{}", 2, usage).up == "-z"
     assert len(there.asked) == 1
@@ -307,7 +308,7 @@ def script(x: str, y: str) -> Request:
 
 def test_a_recorded_script_fits_another_pose_however_many_zeros_the_model_wrote(monkeypatch, tmp_path):
     with chat(monkeypatch, words("move(1.25, -0.76543); scale(0.01)")) as (_, there):
-        model = choose(llm("chat"), tmp_path / "a.json")
+        model = choose(llm("chat"), tmp_path / "a.json", rules)
         ask(model, script("1.25000", "-0.76543"), str, 0, UsageLog((0.0, 0.0)))
     assert len(there.asked) == 1
     again = replay(tmp_path / "a.json")(script("1.31000", "1.31000"))

@@ -16,6 +16,7 @@ from s2a.core.errors import InputError
 from s2a.language.ask import Answer, Request, UsageLog
 from s2a.language.client import Chat, LlmConfig, choose, gist, key
 from s2a.language.insert.plan import Plan, Size, fit_scale, plan, size
+from s2a.language.insert.rules import rules
 from s2a.scene.scene import Mesh, Part, Scene
 
 ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})
@@ -109,7 +110,7 @@ def fuzz_recording(folder: Path, count: int, seed: int) -> int:
         path.write_bytes(mutated_json(kept, SNIPPETS, dice))
         config = replace(CONFIG, kind="replay", answers=path)
         try:
-            model = choose(config, None)
+            model = choose(config, None, rules)
         except InputError as error:
             assert "\n" not in str(error) and len(str(error)) < 1500
         else:
@@ -153,7 +154,7 @@ def test_a_recording_with_a_value_of_another_type_is_refused(tmp_path: Path, nam
     text = json.dumps({"k": {**entry, "prompt_tokens": 1, "completion_tokens": 1, name: value}})
     (tmp_path / "a.json").write_text(text)
     with pytest.raises(InputError, match="not a recording, or a damaged one"):
-        choose(replace(CONFIG, kind="replay", answers=tmp_path / "a.json"), None)
+        choose(replace(CONFIG, kind="replay", answers=tmp_path / "a.json"), None, rules)
 
 
 @pytest.mark.parametrize(

@@ -246,3 +246,13 @@ def test_a_verb_goes_on_with_ids_and_with_places() -> None:
     assert words("open drawer_3 and then drawer_4") == [*words("open drawer_3"), *words("open drawer_4")]
     both = [*words("put the glue stick on the table"), *words("put cup_16 on the table")]
     assert words("put the glue stick on the table and cup_16 on the table") == both
+
+
+def test_a_table_is_what_a_kind_of_table_means_and_another_kind_is_not() -> None:
+    chest = drawer("drawer_30", "table_19", -1.5, 0.3)
+    bedside = thing("bedside_31", "bedside table", (4.0, 0.0, 0.3), (0.4, 0.4, 0.6))
+    facts = FACTS | {"drawer_30": chest, "bedside_31": bedside, "drawer_32": replace(chest, id="drawer_32", parent=bedside.id)}
+    made = planned("open the drawer of the coffee table", facts)
+    assert [skill.part for skill in made.skills] == ["drawer_30"]
+    del facts["table_19"], facts["drawer_30"]
+    assert planned("open the drawer of the coffee table", facts).refusal == "unknown"

@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom
 from usd_room import box, room
 
 from s2a.scene.geometry.mesh_ops import merge
-from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 from s2a.scene.upright_box import silhouette, upright_box
 from s2a.scene.usd import descriptive
 from s2a.scene.usd.stage import problems
@@ -199,3 +199,15 @@ def test_small_things_in_a_large_shelf_and_at_a_large_wall_are_related_to_it() -
         "cube_6": None,
     }
     assert [i for i, one in related.items() if i != "shelf_1" and one.touches] == ["cube_5"]
+
+
+def test_a_front_touches_the_furniture_around_it_and_no_neighbour() -> None:
+    """A wall cabinet's door above a refrigerator, whose goods rise in front of its lowest tenth."""
+    hinge = Joint("revolute", (0.0, 0.0, 1.0), (0.0, 0.2, 2.0), (0.0, 1.5))
+    parts = {
+        "door_1": Part("door", box((0.0, 0.0, 2.0), (0.02, 0.4, 0.5)), motion=hinge),
+        "cabinet_2": Part("cabinet", merge([box((0.05, y, 2.0), (0.1, 0.02, 0.56)) for y in (-0.22, 0.22)])),
+        "refrigerator_3": Part("refrigerator", box((0.3, 0.0, 0.9), (0.58, 0.8, 1.8))),
+    }
+    related = descriptive.relations(Scene("room", parts))
+    assert related["door_1"].touches == ("cabinet_2",)

@@ -97,10 +97,10 @@ def run(config: Config) -> str:
         raise InputError("key 'states' records a robot that drives; give robot=panda_mobile, without plan_only=true")
     if drives and (name := "images" if config.images else "policy" if config.policy else ""):
         raise InputError(f"key {name!r} needs a robot with a fixed base; leave it out, or give robot=panda")
-    refuse_unphysical(config.stage)
     model = choose(config.llm, config.record, rules)
     described = descriptive.read(config.scene) if config.scene else None
     room = sim_stage.read(config.stage)
+    refuse_unphysical(config.stage, room)
     skills = tasks_of(config.skills)
     opening = max(getattr(each.task, "opening", 0.0) for each in vars(config.skills).values())
     context = RoomContext(room, described, config.robot.name, opening, skills)

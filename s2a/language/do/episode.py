@@ -20,7 +20,6 @@ from s2a.core.bounds import CountFromZero
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, temporary_folder
 from s2a.language.do.plan import Skill
-from s2a.learn.evaluate import Policy
 from s2a.learn.perception.follow import DepthPolicy
 from s2a.learn.rl.policy_file import PolicyFile
 from s2a.motion.obstacles import Obstacles
@@ -39,7 +38,7 @@ from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage
 from s2a.tasks.base import MdpConfig, Task
-from s2a.tasks.env import VecEnv
+from s2a.tasks.env import Policy, VecEnv
 
 
 def _settings(kind: type[Task]) -> type:
@@ -272,7 +271,8 @@ def _episode(
     mdp = task.requested(mdp, (skill.support or skill.part) if skill.object else None, opened)
     now = at_state(room, state)
     also = riders(now, skill.part) if skill.part and not skill.object else []
-    stage = task.read_stage(path, skill.object or skill.part, config.robot, also, mdp, config.planner)
+    unchanged = None if state.joints or state.objects else room
+    stage = task.read_stage(path, skill.object or skill.part, config.robot, also, mdp, config.planner, unchanged)
     sim = Simulation(stage, physics, 1, device_of(config.device))
     env = tasks.make_env(sim, mdp, settings.metrics, {}, config.seed)
     record["policy"] = policy.name if policy else "planner"

@@ -335,7 +335,8 @@ def _called(noun: str, facts: Facts) -> list[str]:
     if same := [i for i in facts if i.lower() == noun]:
         return same
     nouns, labels = names_of(noun), {i: thing.label.lower() for i, thing in facts.items()}
-    parts = [i for i, label in labels.items() if is_named(label, nouns)]
+    head = noun.rpartition(" ")[2] if " " in noun else ""  # a "table" may be the "coffee table", no "bedside table" is
+    parts = [i for i, label in labels.items() if label == head in nouns or is_named(label, nouns - {head})]
     parts = parts or [i for i, label in labels.items() if label in coarse_names(noun)]
     return parts or [i for i, label in labels.items() if any(label.startswith(f"{n} ") for n in nouns)]
 

@@ -16,6 +16,7 @@ from s2a.language.client import choose, kind_of
 from s2a.language.insert.describe import RoomState
 from s2a.language.insert.pipeline import Attempt
 from s2a.language.insert.review import image_pose
+from s2a.language.insert.rules import rules
 from s2a.language.insert.settings import Inserted, InsertSettings, ObjectRequest
 from s2a.scene.geometry.camera import OrbitCamera
 from s2a.scene.geometry.render import render, write_png
@@ -118,7 +119,7 @@ def insert_all(settings: InsertSettings) -> Insertion:
     """
     if settings.image:
         require_png(settings.image)
-    requests, model = read_requests(settings), choose(settings.llm, settings.record)
+    requests, model = read_requests(settings), choose(settings.llm, settings.record, rules)
     room = open_room(settings)
     # Checked before a model is asked: its answers may cost money.
     read = [settings.objects, settings.record, settings.llm.answers, *(request.file for request in requests)]

@@ -17,14 +17,13 @@ from s2a.core.errors import InputError
 from s2a.core.locks import contents
 from s2a.core.outputs import atomic_write, replace_file
 from s2a.learn.collect.video import CHANNELS, Encoders, FrameMemory, ImageFile, Images, Key
-from s2a.learn.evaluate import Policy
 from s2a.robot.urdf import position_limits
 from s2a.scene.artefacts import DATASET, DATASET_STAGE
 from s2a.scene.usd import sim_stage
 from s2a.sim.camera import CAMERAS, Views
 from s2a.sim.recorder import Recorder
 from s2a.sim.world import SimStage
-from s2a.tasks.env import VecEnv
+from s2a.tasks.env import Policy, VecEnv
 
 UNFINISHED = ".unfinished_"  # What the names of folders with images of episodes that are not finished begin with
 REPLAY = "replay/episode_{index:06d}.npz"

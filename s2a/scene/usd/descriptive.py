@@ -26,7 +26,8 @@ center, size: upright box around a part with all inside it; yaw: degrees its siz
 motion: prismatic (slides along axis), revolute (turns about axis through origin, right-handed) or free;
 limits: m or rad from the pose shown; against: what it moves against. graspable: held here; grasp: where to hold.
 on: what carries it; inside: what holds it all around or above; touches: the walls and furniture at its sides;
-beside: what is near it on the same carrier, the nearest first. Whatever is absent: false, fixed, not turned, unknown."""
+of a front without furniture of its own: what is most around it; beside: what is near it on the same carrier, the nearest first.
+Whatever is absent: false, fixed, not turned, unknown."""
 
 Types = Sdf.ValueTypeNames
 
@@ -47,7 +48,7 @@ class DescribedPart:
     mass: float | None = None  # [kg] if annotated, else None
     on: str | None = None  # id of what carries it, of an object that stands on something; else None
     inside: str | None = None  # id of what holds it all around or above, else None
-    touches: tuple[str, ...] = ()  # ids of the walls and furniture at its sides
+    touches: tuple[str, ...] = ()  # ids of the walls and furniture at its sides, or most around a front
     beside: tuple[str, ...] = ()  # ids of what is near it on the same carrier, the nearest first
 
 
@@ -87,7 +88,10 @@ def relations(scene: Scene) -> dict[str, Relations]:
     walls = [i for i in solid if scene.parts[i].label.lower().endswith("wall")]
     sides = {i: [o for o in (*walls, *objects) if o not in (i, on.get(i)) and _meets(solid[i], solid[o])] for i in own}
     large = {i: [o for o in sides[i] if i in fronts or o in walls or _larger(solid[o], solid[i])] for i in own}
-    touches = {i: tuple(o for o in others if _touches(boxes[i], points[o])) for i, others in large.items()}
+    touches = {
+        i: _touched(boxes[i], {o: points[o] for o in others}, walls, all_around=i in fronts)
+        for i, others in large.items()
+    }
     near = {i: sorted((gap, o) for o, gap in gaps[i].items() if gap <= BESIDE)[:NEIGHBOURS] for i in objects}
     return {i: Relations(on.get(i), inside.get(i), touches[i], tuple(o for _, o in near.get(i, ()))) for i in own}
 
@@ -213,10 +217,22 @@ def _gap(box: Box, points: np.ndarray) -> float:
     return float(np.linalg.norm(_from(box, points), axis=1).min())
 
 
-def _touches(box: Box, points: np.ndarray) -> bool:
-    """Return True if a box has several points of a surface at its sides, at a height between its own."""
-    off = _from(box, points)
-    return bool(((off[:, 2] == 0.0) & (np.linalg.norm(off[:, :2], axis=1) <= 1.5 * TOUCH)).sum() >= HITS)
+def _touched(box: Box, points: dict[str, np.ndarray], walls: Sequence[str], *, all_around: bool) -> tuple[str, ...]:
+    """Return what has several points at the sides of a box, at a height between its own.
+
+    All around, of a front, furniture above and below counts, too, and what has less than half as many points as another piece
+    is its neighbour: the refrigerator below a wall cabinet's door.
+    """
+    hits = {}
+    for i, surface in points.items():
+        off = _from(box, surface)
+        if all_around and i not in walls:
+            near = np.linalg.norm(off, axis=1) <= 1.5 * TOUCH
+        else:
+            near = (off[:, 2] == 0.0) & (np.linalg.norm(off[:, :2], axis=1) <= 1.5 * TOUCH)
+        hits[i] = int(near.sum())
+    most = max((count for i, count in hits.items() if i not in walls), default=0) if all_around else 0
+    return tuple(i for i, count in hits.items() if count >= HITS and (i in walls or 2 * count >= most))
 
 
 def write(scene: Scene, path: Path) -> None:

@@ -216,14 +216,17 @@ def _pose(prim: Usd.Prim) -> tuple[Vec3, rooms.Quat]:
     return (x, y, z), xyzw(ops.get("xformOp:orient", Gf.Quatd(1.0)))
 
 
-def refuse_unphysical(path: Path) -> None:
-    """Raise an InputError for a stage with NaN, a mass that no body has, a joint without bodies or a hull without volume."""
+def refuse_unphysical(path: Path, room: rooms.SimRoom | None = None) -> None:
+    """Raise an InputError for a stage with NaN, a mass that no body has, a joint without bodies or a hull without volume.
+
+    `room`: what `read` returned for the path; None: it is read.
+    """
     stage = open_physics(path)  # which must outlive its prims
     for prim in stage.Traverse():
         _check_numbers(prim)
         if prim.IsA(UsdPhysics.Joint):
             _check_joint(prim)
-    room = read(path, visuals=False)
+    room = room or read(path, visuals=False)
     for body in (*room.bodies.values(), *room.free.values()):
         _check_body(body, path)
     _check_hulls([collider.mesh.vertices for collider in room.static_colliders], f"{path}: the room")

@@ -5,7 +5,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from s2a.core.errors import InputError
 from s2a.motion.grasps import refuse_ungraspable
 from s2a.motion.gripper import FIRM, Contact
-from s2a.motion.obstacles import FOOT, Obstacles, moved_room, surface_points, uneven_rests
+from s2a.motion.obstacles import FOOT, RADIUS, Obstacles, moved_room, surface_points, uneven_rests
 from s2a.motion.search import Unreachable
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import matrix
@@ -33,6 +33,9 @@ GRID = 0.04  # [m] Between the spots that are tried on a support
 LEVEL = 0.0015
 # [m] By which what is beside an object that stands on a support that is not level may be higher than its lowest point
 ROUGH = 0.01
+# [rad] By which an object leans at most on the spots of an uneven support that come first: where it leans more, it rests on
+# the edge of something, and slides as it is let go
+GENTLE = 0.03
 APART = 0.15  # [m] Least distance of a free spot from where the object stands
 # [m] Between an object on a free spot and everything beside it: room for the gripper from all sides; else half of its
 # width; else an open finger with its clearance, and the arm's error; else what keeps it from touching,
@@ -168,8 +171,8 @@ def free_placements(
     """Yield poses at which an object stands on a support, clear of all else, turned as it is in the file.
 
     They are APART from each other and from `other` (7-vector), and up to FAR from that. Those about as high come first: of a bare
-    room, a table and the floor are one support. Of these the level ones, then those at which the object leans a little on a
-    support that is not level; of each those NEARBY with the largest of MARGINS, and of those the nearest ones.
+    room, a table and the floor are one support. Of these the level ones, then those at which the object leans on a support
+    that is not level, up to GENTLE first; of each those NEARBY with the largest of MARGINS, and of those the nearest ones.
 
     Raises:
         InputError: no such support near the object, or no free spot on it.
@@ -181,6 +184,12 @@ def free_placements(
     poses = _placements(room, name, support, other, near, level, leaning)
     first = next(poses, None)
     if first is None:
+        farther = _placements(room, name, support, other, near, level, leaning, RADIUS)
+        if next(farther, None) is not None:
+            raise InputError(
+                f"{support!r} has spots that are free for {name!r}, but none within {FAR:.2f} m of where it stands, as far as one "
+                "base reaches; give another support or a pose, or a robot that drives"
+            )
         uneven = "nor an uneven one where it rests steadily" if leaning else MOVED
         raise InputError(
             f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands, {uneven}; "
@@ -191,9 +200,16 @@ def free_placements(
 
 
 def _placements(
-    room: SimRoom, name: str, support: str, other: np.ndarray, near: Obstacles, level: float, leaning: bool
+    room: SimRoom,
+    name: str,
+    support: str,
+    other: np.ndarray,
+    near: Obstacles,
+    level: float,
+    leaning: bool,
+    far: float = FAR,
 ) -> Iterator[np.ndarray]:
-    """Yield the poses of `free_placements`, if there are any, in a room without the object."""
+    """Yield the poses of `free_placements`, if there are any, in a room without the object, up to `far` [m] away."""
     body = room.free[name]
     turn = matrix(scanned(room, name))[:3, :3]
     points = surface_points([c.mesh for c in body.colliders]) @ turn.T
@@ -201,19 +217,24 @@ def _placements(
     bottom = Mesh(whole.vertices @ turn.T, whole.faces)
     lowest = float(bottom.vertices[:, 2].min())
     carrying = np.concatenate([h.vertices for h in near.hulls_of(support)])
-    spots, top = _spots(carrying, other), float(carrying[:, 2].max()) + 0.3
+    spots, top = _spots(carrying, other, far), float(carrying[:, 2].max()) + 0.3
     foot = footprint(bottom.vertices[bottom.vertices[:, 2] < lowest + FOOT])
 
     def level_poses() -> np.ndarray:
         flat = _level_spots(near, support, foot, spots, top, level)
         return np.c_[flat + [0.0, 0.0, GAP - lowest], np.tile(body.orientation, (len(flat), 1))]
 
-    def leaning_poses() -> np.ndarray:
-        rests = uneven_rests(near, support, bottom, turn @ np.array(body.mass.center), spots, top)
-        upright = Rotation.from_quat(body.orientation)
-        return np.array([[*spots[k], z + GAP, *(lean * upright).as_quat()] for k, lean, z in rests]).reshape(-1, 7)
+    @cache
+    def rests() -> list[tuple[int, Rotation, float]]:
+        return list(uneven_rests(near, support, bottom, turn @ np.array(body.mass.center), spots, top))
 
-    kinds = ((cache(level_poses), level), (cache(leaning_poses), ROUGH))[: 1 + leaning]
+    def leaning_poses(least: float, most: float) -> np.ndarray:
+        upright = Rotation.from_quat(body.orientation)
+        some = [each for each in rests() if least < each[1].magnitude() <= most]
+        return np.array([[*spots[k], z + GAP, *(lean * upright).as_quat()] for k, lean, z in some]).reshape(-1, 7)
+
+    leans = [(cache(partial(leaning_poses, *each)), ROUGH) for each in ((-1.0, GENTLE), (GENTLE, math.inf))]
+    kinds = ((cache(level_poses), level), *leans)[: 3 if leaning else 1]
     heights = carrying[:, 2] - lowest - other[2]
     same_height = bool(heights.min() <= AS_HIGH and heights.max() >= -AS_HIGH)
 
@@ -223,7 +244,7 @@ def _placements(
             every = poses()
             some = every[(np.abs(every[:, 2] - other[2]) <= AS_HIGH) == as_high]
             for margins in (MARGINS[:-1], MARGINS[-1:]):
-                yield from ((rough, *each) for each in _in_order(some, other, margins))
+                yield from ((rough, *each) for each in _in_order(some, other, margins, far))
 
     taken = [np.array(other[:2])]
     for rough, margin, pose in in_order():
@@ -238,9 +259,9 @@ def _placements(
             yield pose
 
 
-def _spots(bounds: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return places of a grid [spot 2] on a support of these points [point 3] that are up to FAR from another place."""
-    low, high = np.maximum(bounds.min(axis=0)[:2], other[:2] - FAR), np.minimum(bounds.max(axis=0)[:2], other[:2] + FAR)
+def _spots(bounds: np.ndarray, other: np.ndarray, far: float) -> np.ndarray:
+    """Return places of a grid [spot 2] on a support of these points [point 3] that are up to `far` [m] from another place."""
+    low, high = np.maximum(bounds.min(axis=0)[:2], other[:2] - far), np.minimum(bounds.max(axis=0)[:2], other[:2] + far)
     grid = [np.arange(low[k], high[k], GRID) for k in range(2)]
     return np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
 
@@ -259,12 +280,14 @@ def _level_spots(
     return np.c_[spots, height.max(axis=1)][good]
 
 
-def _in_order(poses: np.ndarray, other: np.ndarray, margins: Sequence[float]) -> Iterator[tuple[float, np.ndarray]]:
+def _in_order(
+    poses: np.ndarray, other: np.ndarray, margins: Sequence[float], far: float
+) -> Iterator[tuple[float, np.ndarray]]:
     """Yield margins [m] and poses [7] in the order of `free_placements`."""
     away = np.linalg.norm(poses[:, :2] - other[:2], axis=1)
     poses, away = poses[np.argsort(away, kind="stable")], np.sort(away, kind="stable")
     split = int((away <= NEARBY).sum())
-    for some in (poses[:split], poses[split : int((away <= FAR).sum())]):
+    for some in (poses[:split], poses[split : int((away <= far).sum())]):
         yield from itertools.product(margins, some)
 
 

@@ -99,7 +99,10 @@ def _with_ids(entry: dict[str, Any], facts: Facts) -> dict[str, Any]:
     if not points:
         return entry
     ids = [_front(at, facts) for _, at in points]
-    return {"sentence": entry["sentence"].format(*ids), "do": [[skill, i] for (skill, _), i in zip(points, ids, strict=True)]}
+    return {
+        "sentence": entry["sentence"].format(*ids),
+        "do": [[skill, i] for (skill, _), i in zip(points, ids, strict=True)],
+    }
 
 
 def _front(at: list[float], facts: Facts) -> str:

@@ -187,8 +187,8 @@ def free_placements(
         farther = _placements(room, name, support, other, near, level, leaning, RADIUS)
         if next(farther, None) is not None:
             raise InputError(
-                f"{support!r} has spots that are free for {name!r}, but none within {FAR:.2f} m of where it stands, as far as one "
-                "base reaches; give another support or a pose, or a robot that drives"
+                f"{support!r} has spots that are free for {name!r}, but none within {FAR:.2f} m of where it stands, as far as "
+                "one base reaches; give another support or a pose, or a robot that drives"
             )
         uneven = "nor an uneven one where it rests steadily" if leaning else MOVED
         raise InputError(

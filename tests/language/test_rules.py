@@ -251,7 +251,11 @@ def test_a_verb_goes_on_with_ids_and_with_places() -> None:
 def test_a_table_is_what_a_kind_of_table_means_and_another_kind_is_not() -> None:
     chest = drawer("drawer_30", "table_19", -1.5, 0.3)
     bedside = thing("bedside_31", "bedside table", (4.0, 0.0, 0.3), (0.4, 0.4, 0.6))
-    facts = FACTS | {"drawer_30": chest, "bedside_31": bedside, "drawer_32": replace(chest, id="drawer_32", parent=bedside.id)}
+    facts = FACTS | {
+        "drawer_30": chest,
+        "bedside_31": bedside,
+        "drawer_32": replace(chest, id="drawer_32", parent=bedside.id),
+    }
     made = planned("open the drawer of the coffee table", facts)
     assert [skill.part for skill in made.skills] == ["drawer_30"]
     del facts["table_19"], facts["drawer_30"]

@@ -1,4 +1,4 @@
-"""Command `s2a collect`: collect demonstrations with cameras, as a LeRobot dataset."""
+"""Command `s2a collect`: collect demonstrations with cameras, as a LeRobot or robomimic dataset."""
 
 import json
 import time

@@ -41,11 +41,11 @@ class Config:
     """Keys of `s2a import`: mesh, or frames, or scan and predictions.
 
     Attributes:
-        mesh: GLB, glTF, OBJ, PLY, USDZ or USD file.
+        mesh: GLB, glTF, OBJ, PLY, USDZ, USD, STL or OFF file, or the JSON file of a Quest scene.
         labels: file of labelled boxes in the mesh's coordinates, which become objects, or null.
         frames: folder, or .r3d file, of a recording of posed depth and colour images.
         color_camera: colour camera of frames where depth is not registered to colour: fx, fy, cx, cy [pixel] and the x, y, z
-            [m] that are added to a point in the depth camera's coordinates; null: as the format says.
+            [m] that are added to a point in the depth camera's coordinates; null: as the format states.
         voxel: edge of the voxels that frames are fused in [m].
         far: larger depths are left out [m].
         every: use every n-th frame.

@@ -24,12 +24,13 @@ from s2a import tasks
 from s2a.core import config
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.learn.evaluate import Policy, by_part, run_episodes
+from s2a.learn.evaluate import by_part, run_episodes
 from s2a.learn.perception.follow import Follower, StatePolicy, read_network, state_world
 from s2a.learn.rl.policy_file import PRETRAINED, PolicyFile
 from s2a.sim.depth_cameras import DepthCameraConfig, DepthView, WorldCameras
 from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env, pool
+from s2a.tasks.env import Policy
 
 
 @dataclass(frozen=True)

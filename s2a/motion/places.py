@@ -5,7 +5,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -33,9 +33,6 @@ GRID = 0.04  # [m] Between the spots that are tried on a support
 LEVEL = 0.0015
 # [m] By which what is beside an object that stands on a support that is not level may be higher than its lowest point
 ROUGH = 0.01
-# [rad] By which an object leans at most on the spots of an uneven support that come first: where it leans more, it rests on
-# the edge of something, and slides as it is let go
-GENTLE = 0.03
 APART = 0.15  # [m] Least distance of a free spot from where the object stands
 # [m] Between an object on a free spot and everything beside it: room for the gripper from all sides; else half of its
 # width; else an open finger with its clearance, and the arm's error; else what keeps it from touching,
@@ -171,8 +168,8 @@ def free_placements(
     """Yield poses at which an object stands on a support, clear of all else, turned as it is in the file.
 
     They are APART from each other and from `other` (7-vector), and up to FAR from that. Those about as high come first: of a bare
-    room, a table and the floor are one support. Of these the level ones, then those at which the object leans on a support
-    that is not level, up to GENTLE first; of each those NEARBY with the largest of MARGINS, and of those the nearest ones.
+    room, a table and the floor are one support. Of these the level ones, then those at which the object leans a little on a
+    support that is not level; of each those NEARBY with the largest of MARGINS, and of those the nearest ones.
 
     Raises:
         InputError: no such support near the object, or no free spot on it.
@@ -224,17 +221,12 @@ def _placements(
         flat = _level_spots(near, support, foot, spots, top, level)
         return np.c_[flat + [0.0, 0.0, GAP - lowest], np.tile(body.orientation, (len(flat), 1))]
 
-    @cache
-    def rests() -> list[tuple[int, Rotation, float]]:
-        return list(uneven_rests(near, support, bottom, turn @ np.array(body.mass.center), spots, top))
-
-    def leaning_poses(least: float, most: float) -> np.ndarray:
+    def leaning_poses() -> np.ndarray:
+        rests = uneven_rests(near, support, bottom, turn @ np.array(body.mass.center), spots, top)
         upright = Rotation.from_quat(body.orientation)
-        some = [each for each in rests() if least < each[1].magnitude() <= most]
-        return np.array([[*spots[k], z + GAP, *(lean * upright).as_quat()] for k, lean, z in some]).reshape(-1, 7)
+        return np.array([[*spots[k], z + GAP, *(lean * upright).as_quat()] for k, lean, z in rests]).reshape(-1, 7)
 
-    leans = [(cache(partial(leaning_poses, *each)), ROUGH) for each in ((-1.0, GENTLE), (GENTLE, math.inf))]
-    kinds = ((cache(level_poses), level), *leans)[: 3 if leaning else 1]
+    kinds = ((cache(level_poses), level), (cache(leaning_poses), ROUGH))[: 1 + leaning]
     heights = carrying[:, 2] - lowest - other[2]
     same_height = bool(heights.min() <= AS_HIGH and heights.max() >= -AS_HIGH)
 

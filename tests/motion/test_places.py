@@ -143,20 +143,6 @@ def test_an_object_leans_on_a_slope_at_the_other_ends_height_before_it_stands_lo
     assert above == pytest.approx(np.full(len(above), 0.05 + 0.025 + 0.001), abs=1e-3)
 
 
-def test_an_object_leans_little_before_it_leans_more_though_that_is_nearer(tmp_path: Path) -> None:
-    """A support of two slopes, of 4 degrees where the other end is and of 1.5 degrees beside it."""
-    turns = [Rotation.from_euler("y", -each, degrees=True).as_matrix() for each in (4.0, 1.5)]
-    slopes = [
-        convex.box(np.array([1.5, y, 0.5]), turns[k], np.array([0.4, 0.2, 0.1])) for k, y in enumerate((0.0, 0.6))
-    ]
-    room = room_of(tmp_path)
-    room = replace(room, static_colliders=(*room.static_colliders, *(Collider("slopes_5", mesh) for mesh in slopes)))
-    poses = np.array(list(free_placements(room, "cube_9", "slopes_5", np.array([1.5, 0.0, 0.55, 0, 0, 0, 1.0]))))
-    leans = np.degrees(Rotation.from_quat(poses[:, 3:]).magnitude())
-    few = int((leans < 3.0).sum())
-    assert leans == pytest.approx([1.5] * few + [4.0] * (len(poses) - few), abs=0.1) and 0 < few < len(poses)
-
-
 def test_what_is_low_keeps_clear_of_what_stands_beside_it_too(tmp_path: Path) -> None:
     room = room_of(tmp_path, side=0.03, beside=blocks())
     with pytest.raises(InputError, match="no level spot that is free"):

@@ -11,7 +11,9 @@ from s2a.core.outputs import Output, atomic_write
 from s2a.core.provenance import provenance
 from s2a.language.ask import UsageLog
 from s2a.language.client import LlmConfig, choose, kind_of
-from s2a.language.do.episode import ExecutionConfig, Skills, execute, tasks_of
+from s2a.language.do import goal as goals
+from s2a.language.do.episode import ExecutionConfig, RoomChange, Skills, execute, tasks_of
+from s2a.language.do.facts import gather
 from s2a.language.do.live import LiveRoom
 from s2a.language.do.plan import check_sentence
 from s2a.language.do.rules import rules
@@ -26,6 +28,7 @@ from s2a.sim.depth_cameras import DepthCameraConfig
 from s2a.sim.simulation import SimConfig, device_of
 from s2a.view import states
 
+OPENED = 0.2  # [m] Path by which the parts of the key `opened` stand open
 SENTENCE = "sentence"  # The key that the first argument gives, if that is no key=value
 
 
@@ -34,7 +37,9 @@ class Config:
     """Keys of `s2a do`.
 
     Attributes:
-        sentence: the task in words: the first argument, in quotation marks.
+        sentence: the task in words: the first argument, in quotation marks; or null with a goal.
+        goal: a YAML file of relations that the room is to satisfy (docs/do.md), instead of a sentence; or null.
+        opened: ids of parts that stand open by 0.2 m when the robot starts, or all; needs a goal.
         stage: the sim.usd of the room.
         scene: the descriptive.usda of the room, with the annotator's labels and the furniture that parts belong to; null: labels
             come from ids.
@@ -59,7 +64,9 @@ class Config:
         depth_camera: the cameras of a policy with depth cameras.
     """
 
-    sentence: str
+    sentence: str | None
+    goal: Path | None
+    opened: tuple[str, ...]
     stage: Path
     scene: Path | None
     out: Output
@@ -83,34 +90,41 @@ class Config:
 
 
 def run(config: Config) -> str:
-    """Do what a sentence says, write the record, and return what was done.
+    """Do what a sentence says, or reach a goal, write the record, and return what was done.
 
     Raises:
-        InputError: a sentence that is ambiguous, of unknown things or impossible; nothing is written.
-        CheckFailed: a skill failed, and no other plan did better; the record is written.
+        InputError: a sentence that is ambiguous, of unknown things or impossible; a goal that the room cannot have; nothing is
+            written.
+        CheckFailed: a skill failed, and no other plan did better, or a relation of the goal does not hold; the record is written.
     """
-    sentence = check_sentence(config.sentence)
-    if config.images and config.images.exists() and not config.images.is_dir():
-        raise InputError(f"key 'images' is {str(config.images)!r}, a file; give a folder")
-    drives = config.robot.drive is not None and not config.plan_only
-    if not drives and config.states:
-        raise InputError("key 'states' records a robot that drives; give robot=panda_mobile, without plan_only=true")
-    if drives and (name := "images" if config.images else "policy" if config.policy else ""):
-        raise InputError(f"key {name!r} needs a robot with a fixed base; leave it out, or give robot=panda")
-    model = choose(config.llm, config.record, rules)
+    _check_keys(config)
+    sentence = check_sentence(config.sentence) if config.sentence is not None else ""
+    model = choose(config.llm, config.record, rules) if sentence else None
     described = descriptive.read(config.scene) if config.scene else None
     room = sim_stage.read(config.stage)
     refuse_unphysical(config.stage, room)
     skills = tasks_of(config.skills)
     opening = max(getattr(each.task, "opening", 0.0) for each in vars(config.skills).values())
     context = RoomContext(room, described, config.robot.name, opening, skills)
+    start: RoomChange = RoomChange()
+    relations: tuple[goals.Relation, ...] = ()
+    if config.goal:
+        facts = gather(room, described, {}, config.robot.name)
+        relations = goals.read(config.goal, facts)
+        start = goals.opened(room, goals.listed(config.opened, facts, "key 'opened'"), OPENED)
     usage = UsageLog(config.llm.prices)
     replans = 0 if kind_of(config.llm) == "rules" else config.replans  # the rules have one plan a sentence
-    live = LiveRoom(config.stage, room, _settings(config)) if drives else None
+    live = LiveRoom(config.stage, room, _settings(config), start) if _drives(config) else None
     executor = live.execute if live else None if config.plan_only else _executor(config, room)
     with atomic_write(config.out) as out:
-        result = do(context, sentence, model, config.retries, replans, usage, executor)
+        if model:
+            result = do(context, sentence, model, config.retries, replans, usage, executor)
+        else:
+            assert executor is not None, "a goal is not only planned"
+            result = goals.pursue(context, relations, executor, live.settle() if live else start)
         record = _record(config, sentence, result, usage) | (live.about() if live else {})
+        if config.goal:
+            record |= {"goal": [each.words for each in relations], "opened": [*start.joints], "unmet": result.unmet}
         out.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     if live and config.states and live.frames.q:  # none where no skill had a plan
         with atomic_write(config.states) as out:
@@ -118,6 +132,27 @@ def run(config: Config) -> str:
     if result.problem:
         raise CheckFailed(_summary(config, result))
     return _summary(config, result)
+
+
+def _drives(config: Config) -> bool:
+    return config.robot.drive is not None and not config.plan_only
+
+
+def _check_keys(config: Config) -> None:
+    """Raise InputError for keys that exclude each other."""
+    if (config.sentence is None) == (config.goal is None):
+        raise InputError('give a sentence, such as s2a do "open the top drawer", or goal=FILE.yaml; not both')
+    if config.opened and not config.goal:
+        raise InputError("key 'opened' needs a goal; a sentence begins in the room as its file has it")
+    if config.goal and config.plan_only:
+        raise InputError("key 'plan_only' needs a sentence: skills for a goal are chosen one after the other")
+    if config.images and config.images.exists() and not config.images.is_dir():
+        raise InputError(f"key 'images' is {str(config.images)!r}, a file; give a folder")
+    drives = _drives(config)
+    if not drives and config.states:
+        raise InputError("key 'states' records a robot that drives; give robot=panda_mobile, without plan_only=true")
+    if drives and (name := "images" if config.images else "policy" if config.policy else ""):
+        raise InputError(f"key {name!r} needs a robot with a fixed base; leave it out, or give robot=panda")
 
 
 def _settings(config: Config) -> ExecutionConfig:
@@ -178,7 +213,9 @@ def _record(config: Config, sentence: str, result: Result, usage: UsageLog) -> d
 def _summary(config: Config, result: Result) -> str:
     """Return what was done, a line a skill."""
     head = "planned, not executed" if config.plan_only else f"not done: {result.problem}" if result.problem else "done"
-    lines = [f"{config.out}: {head}"]
+    if result.unmet:
+        head = f"{len(result.unmet)} relations do not hold"
+    lines = [f"{config.out}: {head}", *(f"  {words}: {reason}" for words, reason in result.unmet.items())]
     if config.plan_only:
         return "\n".join([*lines, *(f"  {check}" for check in result.plans[-1]["checks"])])
     for each in result.skills:

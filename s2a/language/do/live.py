@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import newton
 import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
@@ -49,6 +50,7 @@ from s2a.view.states import States
 
 ATTEMPTS = 2  # Of a skill that fails
 BACK, BACK_POSES = 0.1, 6  # [m] By which the gripper draws back where the arm finds no path home, in so many poses
+SETTLE, STILL = 3.0, 0.02  # [s] and [m/s, rad/s] In which, and below which, a room comes to rest after a skill
 FINGERS = 0.8  # [s] In which the fingers open as a skill begins
 
 
@@ -108,14 +110,15 @@ class LiveRoom:
         contacts: peaks of the contact forces.
     """
 
-    def __init__(self, file: Path, room: SimRoom, config: ExecutionConfig) -> None:
-        """Put the robot on the widest free floor.
+    def __init__(self, file: Path, room: SimRoom, config: ExecutionConfig, start: RoomChange | None = None) -> None:
+        """Put the robot on the widest free floor of the room as it starts; None: as in its file.
 
         Raises:
             InputError: nothing moves in the room, or no floor is free for the base.
         """
         self._file, self._room, self._config, self._spec = file, room, config, robots.load(config.robot)
-        floor = FreeFloor(room, self._spec)
+        start = start or RoomChange()
+        floor = FreeFloor(at_state(room, start), self._spec)
         if not room.movable:
             raise InputError(f"room {room.name!r} has no part that moves; prepare it with targets=all")
         first = room.movable[0]
@@ -130,6 +133,14 @@ class LiveRoom:
         count = self._spec.base_joints
         places = {i: self._sim.axis_of(i) for i in room.movable}
         self._columns = {i: (count + coord, count + dof) for i, (coord, dof) in places.items()}
+        self._dofs = np.array(
+            [count + dof + k for i, (_, dof) in places.items() for k in range(6 if i in room.free else 1)], int
+        )
+        for i, values in {**{i: (q,) for i, q in start.joints.items()}, **start.objects}.items():
+            coord = places[i][0]
+            self._sim.joint_q[0, coord : coord + len(values)] = torch.tensor(values)
+        sim = self._sim
+        newton.eval_fk(sim.model, sim.state.joint_q, sim.state.joint_qd, sim.state)
 
     @property
     def _drive(self) -> DriveSpec:
@@ -171,6 +182,16 @@ class LiveRoom:
             "jumps": frames.jumps(single, {i: (*self._columns[i], lever) for i, lever in levers.items()}),
         }
 
+    @torch.inference_mode()
+    def settle(self) -> RoomChange:
+        """Let time pass, the robot where it is, until nothing else moves, 3 s at most; return where everything is then."""
+        for _ in range(math.ceil(SETTLE * self._sim.config.control_frequency)):
+            self._sim.step()
+            self._keep()
+            if np.abs(self.frames.qd[-1][self._dofs]).max(initial=0.0) < STILL:
+                break
+        return self.state
+
     def execute(self, skill: Skill, *_unused: object) -> Outcome:
         """Drive to where a skill can be done, and do it; where that fails, once more from how the room is then."""
         start = time.perf_counter()
@@ -181,6 +202,8 @@ class LiveRoom:
                 outcome = self._try(skill, attempt)
             except InputError as error:
                 outcome = Outcome(False, f"{skill.words}: {error}.", self.state)
+            if len(self.frames.q) > attempt["step"]:
+                outcome = replace(outcome, state=self.settle())
             record["tries"].append(attempt | {"success": outcome.success, "reason": outcome.reason})
             if outcome.success or len(self.frames.q) == attempt["step"]:  # nothing moved: it would be planned alike
                 break

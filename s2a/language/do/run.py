@@ -161,6 +161,8 @@ class Result:
     plans: list[dict[str, Any]] = field(default_factory=list)  # every plan, with what was checked
     skills: list[dict[str, Any]] = field(default_factory=list)  # every skill that was executed, in order
     problem: str = ""  # why the sentence was not done; empty where it was
+    # relations of a goal that do not hold in the end, in words, and why
+    unmet: dict[str, str] = field(default_factory=dict)
 
 
 def make_plan(

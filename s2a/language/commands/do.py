@@ -66,7 +66,7 @@ class Config:
 
     sentence: str | None
     goal: Path | None
-    opened: tuple[str, ...]
+    opened: str | tuple[str, ...]
     stage: Path
     scene: Path | None
     out: Output

@@ -48,7 +48,7 @@ def read(file: Path, facts: Facts) -> tuple[Relation, ...]:
         InputError: no such file; other keys; an id that the room lacks, or that cannot be what the relation says.
     """
     try:
-        values = yaml.safe_load(file.read_text())
+        values = yaml.load(file.read_text(), yaml.BaseLoader)  # texts alone: to others `on` is True
     except (OSError, UnicodeError, yaml.YAMLError) as error:
         raise InputError(f"goal {file}: cannot be read as YAML ({' '.join(str(error).split())})") from error
     if not isinstance(values, dict) or not values or set(values) - set(TAKES):
@@ -69,14 +69,14 @@ def read(file: Path, facts: Facts) -> tuple[Relation, ...]:
 
 
 def listed(given: Any, facts: Facts, where: str) -> list[str]:
-    """Return ids of parts that move, from a list of them or `all`.
+    """Return ids of parts that move, from a list of them, one of them, or `all`.
 
     Raises:
         InputError: it is neither; names `where` it stands.
     """
     moving = [i for i, thing in facts.items() if thing.moves]
-    chosen = moving if given == ALL or given == [ALL] or given == (ALL,) else given
-    if isinstance(chosen, str) or not isinstance(chosen, Sequence):
+    chosen = moving if given == ALL else [given] if isinstance(given, str) else given
+    if not isinstance(chosen, Sequence):
         raise InputError(f"{where}: is {given!r}; give a list of ids, or all")
     unknown = [i for i in map(str, chosen) if i not in moving]
     if unknown:
@@ -120,7 +120,8 @@ def opened(room: SimRoom, parts: Sequence[str], opening: float) -> RoomChange:
     still = {i: pose.copy() for i, pose in moved.items()}
     # What hangs on other parts first: the displacement of a carrier is about the axis as it is in the file
     for i in sorted(joints, key=lambda part: -len(room.carriers(part))):
-        for rider in episode.riders(room, i):
+        hanging = [each for each in room.articulations if i in room.carriers(each)]
+        for rider in {rider for each in (i, *hanging) for rider in episode.riders(room, each)}:
             moved[rider] = transform(room.articulations[i].joint, joints[i]) @ moved[rider]
     objects = {
         i: tuple(map(float, (*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat())))

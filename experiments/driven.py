@@ -1,12 +1,17 @@
 """Sentences executed by a robot that drives, each in one simulation of a live room: does it end right, and what is hit how hard?
 
     python experiments/driven.py ROOMS [--count 50] [--jobs 4] [--limit 480] [--seed 0] [--out FOLDER]
+    python experiments/driven.py ROOMS --goal [--objects 5] [--jobs 4] [--limit 3600] [--seed 0] [--out FOLDER]
 
 ROOMS holds NAME/room.usd for each room (`skill_rooms.py` writes such a folder). The sentences name ids, so that their plans are
 right: parts that are opened, opened and closed, two parts one after the other, objects that are put on what carries another
 object, or into a drawer. They are drawn by the seed, as many of each room, whatever the robot can reach. Each is a process of one
 thread that ends after --limit seconds at most. Prints a line a sentence and writes driven.json after each: what came of it, its
 peaks of base and contact forces, and jumps between control steps.
+
+With --goal each room is one task: every part that moves stands open, objects lie where they were scanned, and all parts are to be
+shut and so many objects to be on what carries another object, as the seed draws. Writes tidy.json: how many relations hold in the
+end, judged on the room as it stands.
 """
 
 from __future__ import annotations
@@ -21,6 +26,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+import yaml
 from insertion_study import RESULTS
 from skill_rooms import message, s2a
 
@@ -42,15 +48,22 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--robot", default="panda_mobile")
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--goal", action="store_true")
+    parser.add_argument("--objects", type=int, default=5, help="of a goal")
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
     names = args.only or sorted(path.parent.name for path in args.rooms.glob("*/room.usd"))
-    each = [sentences(args.rooms / name / "room.usd", args.seed, -(-args.count // len(names))) for name in names]
-    # A sentence of each room in turn: what an interrupted run leaves is of all rooms
-    rows = [
-        {"room": name, "sentence": some[k]}
-        for k in range(max(map(len, each), default=0)) for name, some in zip(names, each, strict=True) if k < len(some)
-    ][: args.count]  # fmt: skip
+    if args.goal:
+        rows: list[dict[str, Any]] = [{"room": name, "goal": goal(name, args)} for name in names]
+    else:
+        each = [sentences(args.rooms / name / "room.usd", args.seed, -(-args.count // len(names))) for name in names]
+        # A sentence of each room in turn: what an interrupted run leaves is of all rooms
+        rows = [
+            {"room": name, "sentence": some[k]}
+            for k in range(max(map(len, each), default=0)) for name, some in zip(names, each, strict=True)
+            if k < len(some)
+        ][: args.count]  # fmt: skip
+    count = counted_goals if args.goal else counted
     args.out.mkdir(parents=True, exist_ok=True)
     about = {**provenance(args.device), "seed": args.seed, "robot": args.robot, "limit": args.limit}
     os.environ["OMP_NUM_THREADS"] = "1"  # of each process
@@ -58,9 +71,42 @@ def main() -> None:
         for future in as_completed([pool.submit(execute, row, args) for row in rows]):
             future.result()
             ended = [row for row in rows if "done" in row]
-            record = {**about, **counted(ended, len(rows)), "rows": ended}
-            (args.out / "driven.json").write_text(json.dumps(record, indent=1) + "\n")
-    print(counted(rows, len(rows)))
+            record = {**about, **count(ended, len(rows)), "rows": ended}
+            (args.out / ("tidy.json" if args.goal else "driven.json")).write_text(json.dumps(record, indent=1) + "\n")
+    print(count(rows, len(rows)))
+
+
+def counted_goals(rows: list[dict[str, Any]], count: int) -> dict[str, Any]:
+    """Return how many relations of the goals that ended hold; `count`: of all rooms."""
+    relations = [(words, words in row["unmet"]) for row in rows for words in row["goal"]]
+    shut, placed = (
+        [unmet for words, unmet in relations if words.endswith(" shut") == is_shut] for is_shut in (True, False)
+    )
+    return {
+        "rooms": count,
+        "ended": len(rows),
+        "parts shut": f"{shut.count(False)} of {len(shut)}",
+        "objects placed": f"{placed.count(False)} of {len(placed)}",
+        "with a jump": sum(bool(row["jumps"]) for row in rows),
+        f"base or arm above {LIMIT:.0f} N": sum(row["body"] > LIMIT for row in rows),
+    }
+
+
+def goal(name: str, args: argparse.Namespace) -> list[str]:
+    """Write the goal of a room beside its record; return its relations."""
+    room, draw = sim_stage.read(args.rooms / name / "room.usd", visuals=False), random.Random(f"{name} {args.seed}")
+    facts = gather(room, None, {}, "panda")
+    carriers = sorted({str(facts[i].on) for i in room.free if facts[i].on and facts[str(facts[i].on)].kind == "fixed"})
+    objects = draw.sample(list(room.free), min(args.objects, len(room.free)))
+    places = {i: draw.choice(others) for i in objects if (others := [each for each in carriers if each != facts[i].on])}
+    file = _record(name, "goal", args).with_suffix(".yaml")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(yaml.safe_dump({"shut": "all", "on": places}))
+    return [*(f"{i} shut" for i in room.articulations), *(f"{i} on {place}" for i, place in places.items())]
+
+
+def _record(room: str, words: str, args: argparse.Namespace) -> Path:
+    return args.out / "driven" / f"{room}_{words.replace(' ', '_')}.json"
 
 
 def counted(rows: list[dict[str, Any]], count: int) -> dict[str, int]:
@@ -96,7 +142,8 @@ def sentences(stage: Path, seed: int, count: int) -> list[str]:
 
 def execute(row: dict[str, Any], args: argparse.Namespace) -> None:
     """Do a sentence, and note what came of it."""
-    out = args.out / "driven" / f"{row['room']}_{row['sentence'].replace(' ', '_')}.json"
+    words = row.get("sentence", "goal")
+    out = _record(row["room"], words, args)
     out.parent.mkdir(parents=True, exist_ok=True)
     out.unlink(missing_ok=True)  # a refusal leaves an earlier record as it was
     begun, stage = time.perf_counter(), args.rooms / row["room"] / "room.usd"
@@ -110,7 +157,8 @@ def execute(row: dict[str, Any], args: argparse.Namespace) -> None:
     ]
     late, problem = False, ""
     try:
-        problem = message(s2a("do", row["sentence"], *keys, check=False, timeout=args.limit))
+        task = [f"goal={out.with_suffix('.yaml')}", "opened=all"] if "goal" in row else [words]
+        problem = message(s2a("do", *task, *keys, check=False, timeout=args.limit))
     except subprocess.TimeoutExpired:
         late, problem = True, f"not done within {args.limit:.0f} s"
     record = json.loads(out.read_text()) if out.exists() else {}
@@ -127,7 +175,9 @@ def execute(row: dict[str, Any], args: argparse.Namespace) -> None:
         "robot_seconds": record.get("robot_seconds", 0.0),
         "seconds": round(time.perf_counter() - begun, 1),
     }
-    print(row["room"], row["sentence"], row["seconds"], row["problem"] or "done", flush=True)
+    if "goal" in row:  # without a record none holds
+        row["unmet"] = record.get("unmet", dict.fromkeys(row["goal"], problem))
+    print(row["room"], words, row["seconds"], row["problem"] or "done", flush=True)
 
 
 if __name__ == "__main__":

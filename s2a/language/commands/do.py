@@ -107,7 +107,7 @@ def run(config: Config) -> str:
     opening = max(getattr(each.task, "opening", 0.0) for each in vars(config.skills).values())
     context = RoomContext(room, described, config.robot.name, opening, skills)
     start: RoomChange = RoomChange()
-    relations: tuple[goals.Relation, ...] = ()
+    relations: tuple[goals.Condition, ...] = ()
     if config.goal:
         facts = gather(room, described, {}, config.robot.name)
         relations = goals.read(config.goal, facts)

@@ -23,12 +23,12 @@ from s2a.scene.usd.sim_scene import SimRoom
 from s2a.tasks.base import Task
 
 ALL = "all"  # Instead of a list of ids: every part that moves
-TRIES = 2  # Skills for one relation
+ATTEMPTS = 2  # Skills for one relation
 TAKES = {"shut": ("part",), "on": ("object", "support"), "in": ("object", "part")}  # By a skill of each relation
 
 
 @dataclass(frozen=True)
-class Relation:
+class Condition:
     """What is to hold of a part or an object."""
 
     name: str  # "shut", "on" or "in"
@@ -41,7 +41,7 @@ class Relation:
         return " ".join(filter(None, (self.subject, self.name, self.target)))
 
 
-def read(file: Path, facts: Facts) -> tuple[Relation, ...]:
+def read(file: Path, facts: Facts) -> tuple[Condition, ...]:
     """Return the relations of a YAML file with the keys `shut` (a list of ids, or all), `on` and `in` (object: id).
 
     Raises:
@@ -54,12 +54,12 @@ def read(file: Path, facts: Facts) -> tuple[Relation, ...]:
     if not isinstance(values, dict) or not values or set(values) - set(TAKES):
         raise InputError(f"goal {file}: expected the keys shut, on and in; shut: all, or 'on: {{cup_3: shelf_7}}'")
     shut = listed(values.get("shut", []), facts, f"goal {file}, key 'shut'")
-    relations = [Relation("shut", i) for i in shut]
+    relations = [Condition("shut", i) for i in shut]
     for name in ("on", "in"):
         pairs = values.get(name, {})
         if not isinstance(pairs, dict):
             raise InputError(f"goal {file}, key {name!r}: is {pairs!r}; give object: id")
-        relations += [Relation(name, str(one), str(other)) for one, other in pairs.items()]
+        relations += [Condition(name, str(one), str(other)) for one, other in pairs.items()]
     placed = [each.subject for each in relations if each.name != "shut"]
     for each in relations:
         _check(each, facts, f"goal {file}")
@@ -84,7 +84,7 @@ def listed(given: Any, facts: Facts, where: str) -> list[str]:
     return list(dict.fromkeys(map(str, chosen)))
 
 
-def _check(relation: Relation, facts: Facts, where: str) -> None:
+def _check(relation: Condition, facts: Facts, where: str) -> None:
     if relation.name == "shut":
         return
     free = [i for i, thing in facts.items() if thing.kind == "free"]
@@ -96,7 +96,7 @@ def _check(relation: Relation, facts: Facts, where: str) -> None:
         raise InputError(f"{where}: {relation.words!r} needs {expected} of the room, not {relation.target!r}")
 
 
-def holds(relation: Relation, facts: Facts) -> bool:
+def holds(relation: Condition, facts: Facts) -> bool:
     """Return True for a relation that a room satisfies as it stands.
 
     A part is shut up to 2 cm; an object is on, or in, what has the highest surface below its middle.
@@ -131,24 +131,24 @@ def opened(room: SimRoom, parts: Sequence[str], opening: float) -> RoomChange:
     return RoomChange(joints, objects)
 
 
-def pursue(context: RoomContext, goal: Sequence[Relation], execute: Execute, state: RoomChange) -> Result:
+def pursue(context: RoomContext, goal: Sequence[Condition], execute: Execute, state: RoomChange) -> Result:
     """Execute skills until a room satisfies all relations, or no skill for one that is left is possible.
 
     The next skill is chosen in the room as it stands: first parts are shut, the nearest to the last first, then objects are
-    placed. A relation has two tries, the second after another skill has changed the room.
+    placed. A relation has two attempts, the second after another skill has changed the room.
 
     Returns:
         Every skill, and as its problem the relations that do not hold in the end, with the last reason of each.
     """
     result, reasons = Result(), dict.fromkeys(goal, "")
-    tries, waits, last = dict.fromkeys(goal, 0), set[Relation](), None
+    attempts, waits, last = dict.fromkeys(goal, 0), set[Condition](), None
     while True:
         room = episode.at_state(context.room, state)
         facts = fact.gather(room, context.described, episode.opened_by(context.room, state), context.robot)
         left = [each for each in goal if not holds(each, facts)]
         chosen = None
         for each in sorted(left, key=lambda one: (one.name != "shut", _distance(facts[one.subject], last))):
-            if tries[each] == TRIES or each in waits:
+            if attempts[each] == ATTEMPTS or each in waits:
                 continue
             try:
                 skill = _skill(each, context.skills)
@@ -167,7 +167,7 @@ def pursue(context: RoomContext, goal: Sequence[Relation], execute: Execute, sta
         outcome = execute(skill, state, len(result.skills) + 1)
         state, last = outcome.state, facts[relation.subject]
         result.skills.append(outcome.record)
-        tries[relation] += 1
+        attempts[relation] += 1
         reasons[relation] = outcome.reason.rstrip(".")
         if outcome.success:
             waits.clear()
@@ -178,7 +178,7 @@ def pursue(context: RoomContext, goal: Sequence[Relation], execute: Execute, sta
     return result
 
 
-def _skill(relation: Relation, skills: Mapping[str, type[Task]]) -> Skill:
+def _skill(relation: Condition, skills: Mapping[str, type[Task]]) -> Skill:
     """Return the skill that makes a relation hold.
 
     Raises:

@@ -89,9 +89,9 @@ class FarPlanner:
             places.setdefault(k, []).append(placing)
         some = sorted(places)
         for stand, up, held, opened, k in itertools.islice(self._picks(clear[some]) if some else iter(()), PICKS):
-            found = self._joined(stand, up, held, opened, [each for each in places[some[k]] if each.holds(held)])
-            if found is not None:
-                return found
+            way = self._joined(stand, up, held, opened, [each for each in places[some[k]] if each.holds(held)])
+            if way is not None:
+                return way
             if self._pick.spend() or self._place.spend():
                 break
         misses = max((self._pick.search.misses, self._place.search.misses), key=lambda m: m.nearest.order)
@@ -211,15 +211,15 @@ class FarPlanner:
         search, cell = self._pick.search, self._pick.cell
         tool = stand.base @ cell.kin.tool(lifted[None])[0]
         back = (stand.base[:2, 3] - tool[:2, 3]) / np.linalg.norm(stand.base[:2, 3] - tool[:2, 3])
-        found = [lifted[None]]
+        raised = [lifted[None]]
         for behind, above in AWAY:
             poses = line(tool, np.array([*behind * back, above]))
             follow = Follow("carry away", 3, poses, lambda _, path: cell.met(path, stand.base), 1, near=lifted[None])
             for path in search.paths([stand], follow)[0]:
                 if np.abs(path[0] - lifted).max() < JOINT_TURN and cell.is_free(holding, path).all():
-                    found.append(np.concatenate([lifted[None], path[1:]]))
+                    raised.append(np.concatenate([lifted[None], path[1:]]))
                     break
-        return found
+        return raised
 
     def _carried(self, q: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return points [point 3] of the object that the arm holds in joints [arm], in the frame of its root link."""

@@ -79,27 +79,27 @@ class LiveFrames:
             free: first columns of objects that lie free, and distance of the centre of mass from the origin [m].
         """
         q, qd = np.array(self.q, float), np.abs(np.array(self.qd, float))
-        found: dict[str, float] = {}
+        excess: dict[str, float] = {}
         for steps in [each for each in CREEP if len(q) > each]:
             for name, (i, j, limit) in single.items():
                 most = np.minimum(qd[:, j], limit)
-                self._beyond(found, name, np.abs(q[steps:, i] - q[:-steps, i]), most, steps, SPARE)
+                self._beyond(excess, name, np.abs(q[steps:, i] - q[:-steps, i]), most, steps, SPARE)
             for name, (i, j, lever) in free.items():
                 speed, spin = (np.linalg.norm(qd[:, k : k + 3], axis=1) for k in (j, j + 3))
                 far = np.linalg.norm(q[steps:, i : i + 3] - q[:-steps, i : i + 3], axis=1)
-                self._beyond(found, name, far, speed + lever * spin, steps, SPARE)
+                self._beyond(excess, name, far, speed + lever * spin, steps, SPARE)
                 turned = Rotation.from_quat(q[:, i + 3 : i + 7])
-                self._beyond(found, name, (turned[steps:] * turned[:-steps].inv()).magnitude(), spin, steps, SPIN)
-        return found
+                self._beyond(excess, name, (turned[steps:] * turned[:-steps].inv()).magnitude(), spin, steps, SPIN)
+        return excess
 
     def _beyond(
-        self, found: dict[str, float], name: str, moved: np.ndarray, speed: np.ndarray, steps: int, spare: float
+        self, excess: dict[str, float], name: str, moved: np.ndarray, speed: np.ndarray, steps: int, spare: float
     ) -> None:
         """Note how much farther something moved in so many steps than its speed [frame] and what it may beside allow."""
         way = np.concatenate([[0.0], np.cumsum((1.0 + BETWEEN) * self.dt * np.maximum(speed[1:], speed[:-1]))])
         beyond = float((moved - (way[steps:] - way[:-steps])).max())
         if not beyond <= min(steps, 2) * (spare * self.dt + TREMBLE):  # or no number
-            found[name] = max(beyond, found.get(name, beyond))
+            excess[name] = max(beyond, excess.get(name, beyond))
 
 
 class LiveRoom:

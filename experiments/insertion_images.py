@@ -28,6 +28,7 @@ from s2a.language.insert.batch import open_room
 from s2a.language.insert.describe import RoomState
 from s2a.language.insert.pipeline import attempt
 from s2a.language.insert.review import image_pose
+from s2a.language.insert.rules import rules
 from s2a.language.insert.settings import Inserted, InsertSettings, ObjectRequest
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.geometry.render import CameraPose, OrbitCamera, render
@@ -75,7 +76,7 @@ def summary(rows: list[dict]) -> dict:
 
 def _row(room: RoomState, request: ObjectRequest, settings: InsertSettings) -> dict:
     """Return what the image of one object shows."""
-    inserted, record = attempt(room, request, choose(settings.llm, None), settings)
+    inserted, record = attempt(room, request, choose(settings.llm, None, rules), settings)
     row = {"object": request.file.stem, "written": inserted is not None, "shown": False}
     if inserted is None:
         return row | {"problem": record["problem"][:200]}

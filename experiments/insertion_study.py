@@ -120,7 +120,7 @@ def _category(category: str, number: int, name: str, args: argparse.Namespace) -
     settings = {method: _insert_settings(stage, category, METHODS[method], args) for method in args.methods}
     first = settings[args.methods[0]]
     room, turn = open_room(first), Lock()
-    model = _in_turn(choose(first.llm, first.record), turn)
+    model = _in_turn(choose(first.llm, first.record, rules), turn)
 
     def insert_one(entry: tuple[ObjectRequest, float | None]) -> list[dict]:
         with turn:  # what is not waiting for a model is done by one at a time

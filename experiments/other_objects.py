@@ -37,6 +37,7 @@ from s2a.language.client import choose
 from s2a.language.insert.batch import open_room
 from s2a.language.insert.describe import RoomState
 from s2a.language.insert.pipeline import attempt
+from s2a.language.insert.rules import rules
 from s2a.language.insert.settings import InsertSettings, ObjectRequest
 
 RECORDED = Path(__file__).parent / "recordings/other_objects.tar.xz"
@@ -96,7 +97,7 @@ def _begun(
     settings = _insert_settings(_stage(name, seed, args), f"{name}_{seed}_{args.objects}", [], args)
     with turn:
         room = open_room(settings)
-    model = _in_turn(choose(settings.llm, settings.record), turn)
+    model = _in_turn(choose(settings.llm, settings.record, rules), turn)
     started = [pool.submit(_one, room, model, settings, file, f"{name}_{seed}", turn, args) for file in files]
     return lambda: _finished(name, seed, [future.result() for future in started], done)
 

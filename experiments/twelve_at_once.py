@@ -25,6 +25,7 @@ from s2a.core.provenance import provenance
 from s2a.language.ask import Record
 from s2a.language.client import choose
 from s2a.language.insert.batch import insert_into, open_room
+from s2a.language.insert.rules import rules
 from s2a.language.insert.settings import Inserted, ObjectRequest
 
 CATEGORY = {room: category for category, room in ROOMS.items() if category != "foreign"}
@@ -81,7 +82,7 @@ def _room(name: str, seed: int, args: argparse.Namespace) -> dict:
     wall, cpu = time.perf_counter(), _cpu()
     room = open_room(settings)
     opened = time.perf_counter() - wall
-    done = insert_into(room, requests, choose(settings.llm, settings.record), settings)
+    done = insert_into(room, requests, choose(settings.llm, settings.record, rules), settings)
     seconds = {"wall": time.perf_counter() - wall, "cpu": _cpu() - cpu, "opening": opened}
     placed = iter(done.inserted)
     rows = []

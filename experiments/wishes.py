@@ -28,6 +28,7 @@ from s2a.core.provenance import provenance
 from s2a.language.client import choose
 from s2a.language.insert.batch import open_room
 from s2a.language.insert.pipeline import attempt
+from s2a.language.insert.rules import rules
 from s2a.language.insert.settings import ObjectRequest
 from s2a.language.insert.wish_check import read_wish
 from s2a.scene.scene import Mesh
@@ -64,7 +65,7 @@ def _room(name: str, wishes: list[dict], args: argparse.Namespace) -> list[dict]
     """Return a row for every wish of one room."""
     placed: list[Mesh] = []
     settings, turn = _insert_settings(_stage(name, args.seed, args), name, [], args), Lock()
-    room, model = open_room(settings), _in_turn(choose(settings.llm, settings.record), turn)
+    room, model = open_room(settings), _in_turn(choose(settings.llm, settings.record, rules), turn)
     object = next((_zoo(args) / "objects").glob(OBJECT))
 
     def inserted_row(entry: dict) -> dict:

@@ -27,6 +27,7 @@ from s2a.core.provenance import provenance
 from s2a.language.client import choose
 from s2a.language.insert.batch import open_room
 from s2a.language.insert.pipeline import attempt
+from s2a.language.insert.rules import rules
 from s2a.language.insert.settings import ObjectRequest
 from s2a.scene.scene import Mesh, Scene
 
@@ -62,7 +63,7 @@ def main() -> None:
 def _room(name: str, wishes: list[dict], args: argparse.Namespace) -> list[dict]:
     """Return a row for every wish of one room."""
     settings = _insert_settings(args.captures / name / "geometric.usd", name, [], args)
-    room, model = open_room(settings), choose(settings.llm, settings.record)
+    room, model = open_room(settings), choose(settings.llm, settings.record, rules)
     zoo, obstacles, rows = _zoo(args) / "objects", Obstacles(room.scene), list[dict]()
     for number, entry in enumerate(wishes):
         label, start = entry.get("object", OBJECT), time.perf_counter()

@@ -31,6 +31,7 @@ from s2a.core.provenance import provenance
 from s2a.language.client import choose
 from s2a.language.insert.batch import RECORD, insert_into, open_room
 from s2a.language.insert.describe import RoomState
+from s2a.language.insert.rules import rules
 from s2a.language.insert.settings import InsertSettings, ObjectRequest
 
 LIMIT = 2.0
@@ -46,7 +47,7 @@ def measure(room: RoomState, request: ObjectRequest, config: InsertSettings) -> 
     with tempfile.TemporaryDirectory() as folder:
         there = replace(config, out=Path(folder, "out"))
         try:
-            insert_into(copy.copy(room), [request], choose(config.llm, None), there)
+            insert_into(copy.copy(room), [request], choose(config.llm, None, rules), there)
             (record,) = json.loads((there.out / RECORD).read_text())["objects"]
         except InputError as error:
             print(f"{request.label}: {error}", file=sys.stderr)

@@ -110,7 +110,7 @@ def robot_base(
     """Return the checks of a base pose. `point`: grasp point [m], scene coordinates, shape [3]."""
     problems = []
     if not base.free:
-        problems.append((path, f"prepare found no pose without a collision; {base.reason}"))
+        problems.append((path, f"no base pose is free; nearest one: {base.reason}"))
     place = np.array(base.position)
     ahead = Rotation.from_quat(base.orientation).apply([1.0, 0.0, 0.0])[:2]
     to = (point - place)[:2]
@@ -199,7 +199,7 @@ def collider_fidelity(room: SimRoom, part: str, config: FidelityConfig) -> list[
         path = f"/scene/{body}"
         if surface.face_areas.sum() <= 1e-4:
             if body == part:
-                message = "nothing of it was scanned, and so nothing vouches for its joint and colliders"
+                message = "nothing of it was scanned: its joint and colliders cannot be checked"
                 checks.append(Check("cover_part", "fail", prim=path, message=message, remedy=PREPARE_AGAIN))
             continue  # an anchor, which nobody can see
         bound = config.max_uncovered if body == part else config.max_uncovered_room
@@ -277,7 +277,7 @@ def _excess(path: str, surface: Mesh, hulls: Sequence[Mesh], config: FidelityCon
     value, which = excess(surface, hulls)
     prim = f"{path}/colliders/hull_{which:02d}" if hulls else path
     message = "from a collider's corner to the nearest scanned surface"
-    remedy = "a collider stands where nothing is; " + PREPARE_AGAIN
+    remedy = "a collider is where no surface was scanned; " + PREPARE_AGAIN
     return at_most("collider_excess", value, config.max_excess, "m", prim=prim, message=message, remedy=remedy)
 
 

@@ -132,7 +132,7 @@ def target_joint(contents: Contents, config: ShapeConfig) -> Check:
         if joint.GetTypeName() not in KINDS:
             problems.append((str(joint.GetPath()), f"a {joint.GetTypeName()} moves the target, not a slide or hinge"))
         if not joint_ends(joint)[0]:
-            text = "the joint hangs on the world itself: poses stay stale in Newton 1.8; hang it on an anchor body"
+            text = "the joint's parent is the world: poses stay stale in Newton 1.8; make an anchor body its parent"
             problems.append((str(joint.GetPath()), text))
         if UsdPhysics.Joint(joint).GetJointEnabledAttr().Get() is False:
             problems.append((str(joint.GetPath()), "the joint is switched off"))
@@ -153,7 +153,7 @@ def joint_limits(contents: Contents, config: ShapeConfig) -> Check:
         value is not None and abs(value / turn - exact) <= EXACT * max(1.0, abs(exact))
         for value, exact in zip(physics, (low, high), strict=True)
     ):
-        problems.append(f"physics limits {physics[0]} to {physics[1]} say other than s2a:limits {low:g} to {high:g}")
+        problems.append(f"physics limits {physics[0]} to {physics[1]} differ from s2a:limits {low:g} to {high:g}")
     path = str(joint.GetPath())
     remedy = "correct the annotation's range (metres or radians, from the scanned pose) and " + PREPARE_AGAIN
     return no_problems(name, [(path, text) for text in problems], remedy, f"{low:.3f} to {high:.3f}", path)

@@ -13,6 +13,8 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import Output, atomic_write, full_disk_reported
 from s2a.core.provenance import provenance
 from s2a.learn.collect.episodes import Collector, Dataset, read_stage, temporary, write_stage
+from s2a.learn.collect.lerobot import LeRobot
+from s2a.learn.collect.robomimic import Robomimic
 from s2a.learn.perception.follow import read_policy
 from s2a.learn.rl.run_folder import world_json
 from s2a.motion.policy import Planner
@@ -122,14 +124,8 @@ def run(config: Config) -> str:
 
 
 def format_of(name: Format) -> type[Dataset]:
-    """Return what writes a format, whose library is imported only then."""
-    if name == "robomimic":
-        from s2a.learn.collect.robomimic import Robomimic  # h5py is of the extra "collect"
-
-        return Robomimic
-    from s2a.learn.collect.lerobot import LeRobot  # pyarrow and av are of the extra "collect"
-
-    return LeRobot
+    """Return what writes a format."""
+    return Robomimic if name == "robomimic" else LeRobot
 
 
 def _stage(config: Config, task: MdpConfig) -> SimStage:

@@ -51,7 +51,7 @@ class Config:
         every: use every n-th frame.
         texel: length of edges at which faces stop being split where a texture has detail [m].
         up: the file's up direction, an axis or a vector; auto: as the file states, or by the room's surfaces.
-        level: Correct a small tilt of the up direction to the floor's.
+        level: Rotate a slightly tilted room so that its floor is horizontal.
         unit: the file's unit; auto: as the file states, or by the room's height.
         floor: Move the floor to z 0.
         image: PNG file with the levelled room and its axes, or null.

@@ -12,6 +12,7 @@ from s2a.core import config as settings
 from s2a.core.bounds import Count
 from s2a.core.errors import InputError
 from s2a.learn.collect.episodes import read_replay, read_stage, restored
+from s2a.learn.collect.robomimic import INDEX, lengths
 from s2a.learn.rl.run_folder import world_of
 from s2a.scene.artefacts import DATASET
 from s2a.scene.usd.stamp import layer_hash
@@ -84,6 +85,4 @@ def _count(dataset: Path) -> int:
     info = dataset / "meta/info.json"
     if info.is_file():
         return int(json.loads(info.read_text())["total_episodes"])
-    from s2a.learn.collect.robomimic import INDEX, lengths  # h5py, which LeRobot's datasets do without
-
     return len(lengths(dataset / INDEX))

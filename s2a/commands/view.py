@@ -18,6 +18,7 @@ from s2a.scan.visuals import Visible, fitted, tree, visible
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.scene.geometry.mesh_ops import merge, painted
 from s2a.scene.scene import Mesh
+from s2a.scene.usd import sim_stage
 from s2a.scene.usd.stage import ENCODINGS
 from s2a.view.page import cards
 from s2a.view.page.glb import thinned
@@ -112,7 +113,6 @@ def _play(config: Config, stage: Path) -> str:
     if not config.page or config.image or config.html:
         raise InputError(f"{config.path} plays only on the page; give page=true, without image or html")
     room = _page_room(replace(config, path=stage))
-    from s2a.scene.usd import sim_stage
     from s2a.view import states  # of the extra "sim"
     from s2a.view.page import serve  # viser is of the extra "view"
 

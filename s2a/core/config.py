@@ -390,6 +390,8 @@ def expected(kind: Any) -> str:
             return f"a list of {1 + len(others)} {names[first].removeprefix('a ')}s"
         inner = [option for option in get_args(kind) if option is not Ellipsis]
         more = ["..."] if len(inner) < len(get_args(kind)) else []
+        if more and get_origin(first) is Literal:
+            return f"a list, each {expected(first)}"
         return f"a list [{', '.join([*map(expected, inner), *more])}]"
     return names.get(kind, str(kind).replace("pathlib.", ""))
 

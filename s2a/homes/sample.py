@@ -27,6 +27,7 @@ from s2a.scene.articulation import transform
 from s2a.scene.geometry.mesh_ops import sample as points_on
 from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
 from s2a.scene.scene import Joint, Mesh
+from s2a.scene.usd import geometric
 
 SHIFT = 0.6  # [m] Farthest that an object is moved along each axis
 SMALL = 0.6  # [m] Objects that are larger than this along any axis stay where they are
@@ -293,9 +294,6 @@ def scan_name(config: SampleConfig) -> str:
 
 def write(scan: Scan, config: SampleConfig, out: Path) -> None:
     """Write the scan's files and the truth."""
-    # Here, so that the scanner itself does not wait for USD to load.
-    from s2a.scene.usd import geometric
-
     (out / "truth").mkdir(parents=True, exist_ok=True)
     write_ply(out / "mesh_aligned_0.05.ply", scan.mesh)
     if config.detail.glb:

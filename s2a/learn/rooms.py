@@ -157,7 +157,7 @@ class RoomJob:
         config = self.config
         base = room.articulations[part].bases[config.robot.name]
         if not base.free:
-            raise InputError(f"no base pose is free: {base.reason}")
+            raise InputError(f"no base pose is free; nearest one: {base.reason}")
         path_of = partial(task(config.task.name).tool_path, config=config.task)
         motion = pool.planned(self.file, part, config.robot, config.sim, config.planner, path_of)
         with atomic_write(config.out / self._motion(part)) as out:

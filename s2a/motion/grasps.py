@@ -366,8 +366,9 @@ def failure(target: str, nearest: float, size: float, misses: Misses, spec: Robo
     if math.isinf(nearest):
         return ungraspable(target, size, spec)
     if nearest > 0.0:
+        inside = f"reaches about {max(1000 * nearest, 1):.0f} mm into what is around the object or its place"
         return Unreachable(
-            f"{target!r}: grasp: with {1000 * AROUND:.0f} mm around it the gripper reaches about {max(1000 * nearest, 1):.0f} mm "
-            f"into what is around the object or its place; choose a place with more room around it{ended}"
+            f"{target!r}: grasp: at a clearance of {1000 * AROUND:.0f} mm the gripper {inside}; "
+            f"choose a place with more room around it{ended}"
         )
     return Unreachable(f"{target!r} cannot be picked and placed so: {misses.nearest}{ended}")

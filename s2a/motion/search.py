@@ -80,7 +80,7 @@ class Miss:
 NO_BASE = Miss(
     -1,
     math.inf,
-    "base: there is no free floor within the arm's reach of start and place; choose a place nearer to free floor",
+    "base: there is no free floor from which the arm reaches both ends of the motion; choose a place or part nearer to it",
 )
 
 

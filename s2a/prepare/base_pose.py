@@ -129,7 +129,7 @@ def find_base(
             if stand not in reach or len(reach[stand]):
                 return _chosen(
                     stand,
-                    f"{stand}, though {search.misses.of[stand].text}; no place is free",
+                    f"{stand}, but {search.misses.of[stand].text}",
                     False,
                     ground.floor(stand).assumed,
                 )

@@ -189,7 +189,7 @@ def _detect(
         doubt = f"the surface agrees better with {_list(candidates, alone)}; check image=FILE.png, or give up="
         return axis, f"stated by {stated.by}", float(odds[own]), (doubt,) if rather else ()
     if sure and not flat:
-        doubt = f"{stated.by} states {stated.up} up, but no level surface faces it; the room is levelled by its surface"
+        doubt = f"{stated.by} states {stated.up} up, but no horizontal surface faces it; the room is levelled by its surface"
         return candidates[best].up, "by the surface, against the file", float(alone[best]), (doubt,)
     raise InputError(
         f"{stated.by} states {stated.up} up, but the surface agrees with {_list(candidates, alone)}; "

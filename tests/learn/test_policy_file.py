@@ -157,7 +157,7 @@ def test_a_network_that_does_not_know_its_world_acts_in_the_given_one_with_a_war
     onnx.save(model, exported)
     file = PolicyFile(exported)
     assert file.world is None and file.worlds(*settings()) == settings()
-    assert "does not say in which world it was trained" in caplog.text
+    assert "does not state the settings of its training" in caplog.text
 
 
 def test_a_run_of_another_program_is_exported_without_a_world(exported: Path) -> None:

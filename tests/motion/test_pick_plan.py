@@ -88,7 +88,7 @@ def test_a_place_in_something_is_said_with_the_nearest_miss(tmp_path: Path, monk
     walls = [box((0.2, -0.2 + y, 0.9), (0.06, 0.01, 0.098)) for y in (-0.045, 0.045)]
     walls += [box((0.2 + x, -0.2, 0.9), (0.01, 0.06, 0.098)) for x in (-0.045, 0.045)]
     room, gripper = room_of(tmp_path, beside=walls), PANDA.gripper
-    with pytest.raises(Unreachable, match=r"with 2 mm around it the gripper reaches about \d+ mm into") as error:
+    with pytest.raises(Unreachable, match=r"at a clearance of 2 mm the gripper reaches about \d+ mm into") as error:
         plan_pick(PickTask(room, "cube_9", START, GOAL, APPROACH), PANDA)
     near, known = (
         Obstacles.of_room(room, {"cube_9"}, (START[:3] + GOAL[:3]) / 2),

@@ -80,7 +80,7 @@ def test_a_statement_is_believed_with_a_warning_where_the_surface_rather_speaks_
 def test_a_statement_along_no_surface_gives_way_to_a_clear_room() -> None:
     turn = furnished_room.rotations(1, 2)[0]
     result = find(furnished_room.room(), turn, GLTF)
-    assert off(result.up, turn[:, 2]) < 1.0 and "no level surface faces it" in result.doubts[0]
+    assert off(result.up, turn[:, 2]) < 1.0 and "no horizontal surface faces it" in result.doubts[0]
 
 
 def test_a_stated_tilt_is_a_doubt_and_corrected_on_request() -> None:

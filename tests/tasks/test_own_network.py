@@ -173,7 +173,7 @@ def test_a_plain_export_is_measured_in_the_world_of_the_keys_with_a_warning(
     assert (
         values["policy"] == "plain.onnx" and values["episode_steps"] == 6 and values["settings"]["sim"]["dt"] == 0.002
     )
-    assert "does not say in which world it was trained" in caplog.text
+    assert "does not state the settings of its training" in caplog.text
 
 
 @pytest.mark.slow

@@ -32,7 +32,7 @@ class Config:
         rooms: kinds of rooms.
         first: first seed.
         count: number of seeds of each kind.
-        homes: further rooms by kind and seed, kitchen_22.
+        homes: further rooms by kind and seed, such as kitchen_22.
         scans: further rooms, not virtual: annotated folders of scans, or patterns of them as DIR/*.
         out: folder of the pool; rooms that are in it already are kept.
         jobs: rooms that are made at once.

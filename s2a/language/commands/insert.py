@@ -30,7 +30,7 @@ def _summary(done: Insertion, config: Config) -> str:
         x, y, z = record["pose"]["position"]
         size = " x ".join(f"{side:.2f}" for side in record["scale"]["size"])
         heeded = record.get("wish", {}).get("heeded", True)
-        note = {True: "", False: "; the wish is not met", None: "; the wish was not understood, and not checked"}[
+        note = {True: "", False: "; the prompt is not met", None: "; the prompt was not understood, and not checked"}[
             heeded
         ]
         why = "" if config.by_rules else f"; {printable(record['surface']['reason'])[:120]}"

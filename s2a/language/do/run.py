@@ -82,7 +82,7 @@ class Checker:
         near = Obstacles.of_room(self._room, {object.id}, np.array(self._room.free[object.id].position))
         if not self._drives and not near.hulls_of(support.id):
             raise ValidationFeedback(
-                f"{object.id!r} cannot be put on {support.id!r} by an arm that stands still: it is more than 2 m away."
+                f"{object.id!r} cannot be put on {support.id!r} by an arm with a fixed base: it is more than 2 m away."
             )
         if not self._drives:
             self._near(object, support)

@@ -76,7 +76,7 @@ class InsertSettings:
         neighbours: objects near the place that are described to the model when it estimates the size.
         wish: "heed" refuses (exit 2) where the prompt cannot be met; "prefer" then takes another place, with a note.
         review: Let a vision model judge the object in its place, and plan once more if it is wrong.
-        script: "plan" writes the script from the plan, "model" requests it; both run in the sandbox and are compared with it.
+        script: "plan" writes the script from the plan, "model" requests it; both run in the sandbox and are checked against it.
         llm: the language model.
         placement: placement of an object.
         sandbox: limits of scripts.

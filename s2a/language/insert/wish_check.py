@@ -412,7 +412,7 @@ def decline(wish: Wish, text: str, scene: Scene, understood: bool) -> None:
 
     `understood`: true if a model reads the wish, too.
     """
-    remedy = "ask a model (llm=chat), or give wish=prefer to have it passed over"
+    remedy = "ask a model (llm=chat), or give wish=prefer to ignore it"
     if wish.unread and wish.relations and not (wish.missing or understood):
         raise InputError(
             f"prompt {text[:80]!r}: the rules do not read {wish.unread[0]!r} there; say it as 'at the left end of the couch', "

@@ -59,7 +59,7 @@ class PolicyFile:
         """Return the file's world, or, with a warning, these settings where it says nothing of it."""
         if self.world is None:
             text = (
-                "policy %s: does not say in which world it was trained; it acts in that of the keys sim and task (%s)"
+                "policy %s: does not state the settings of its training; those of the keys sim and task are used (%s)"
             )
             _log.warning(text, self.name, "api.export_policy writes a file that does")
         return self.world or (sim, task)

@@ -83,7 +83,7 @@ def _level(facing: np.ndarray, bounds: Bounds) -> Check:
     own, most = level_fraction(facing, np.array([0.0, 0.0, 1.0])), float(fractions.max())
     ratio = own / most if most > 0 else 0.0
     text = ", ".join(f"{x:.2f}" for x in best)
-    message = f"{own:.0%} of its surface is level, but {most:.0%} lies across ({text}): is that up?"
+    message = f"{own:.0%} of its surface is horizontal, but {most:.0%} is perpendicular to ({text}): is that up?"
     return at_least("up_axis", ratio, bounds.level, "of the most", otherwise="warn", message=message, remedy=REMEDY)
 
 
@@ -91,8 +91,8 @@ def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Check:
     """Judge the up axis by what looks up and down between floor and ceiling."""
     excess = underside(points, facing)
     if np.isnan(excess):
-        return Check("up_side", "skipped", message="nothing level is between floor and ceiling")
-    message = f"between floor and ceiling {(1 + excess) / 2:.0%} of what is level looks along +z, as tabletops do"
+        return Check("up_side", "skipped", message="no horizontal surface is between floor and ceiling")
+    message = f"between floor and ceiling {(1 + excess) / 2:.0%} of the horizontal surface faces +z, as tabletops do"
     good = excess >= bounds.underside
     status: Status = "pass" if good else "fail" if excess < -bounds.underside else "warn"
     return Check("up_side", status, excess, bounds.underside, message=message, remedy="" if good else REMEDY)

@@ -169,7 +169,7 @@ def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bound
     sideways /= np.linalg.norm(sideways)
     width = float(np.abs(sideways @ front.axes) @ front.size)
     offset = abs(float((grasp - front.center) @ sideways)) / width
-    message = f"it slides, but its handle is {offset:.0%} of its width beside its middle, as on a door"
+    message = f"it slides, but its handle is {offset:.0%} of its width off its centre, as on a door"
     remedy = f"possible: up to {bounds.handle_offset:.0%}; is it a rotation?"
     return at_most(
         "slide_handle",

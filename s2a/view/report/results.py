@@ -408,7 +408,9 @@ def report(run: Run) -> Document:
     """Return the page of one run."""
     sections = [("Curves", curves([run]))]
     if measured := {name: value for name, value in run.recent.items() if is_rate(value)}:
-        note = "<p>Exploration's noise and eased starts included; a policy is measured by s2a evaluate.</p>"
+        note = (
+            "<p>With exploration noise and starts on the planner's motion; s2a evaluate measures a policy without.</p>"
+        )
         sections.append(("Episodes at the end of the training", note + rates(measured)))
     sections += _beside([run])
     effort = {"environment steps [millions]": run.millions or None, "seconds": run.seconds}

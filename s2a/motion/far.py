@@ -184,7 +184,7 @@ class FarPlanner:
         away = self._away(stand, lifted, holding)
         count = 0
         later: list[tuple[np.ndarray, np.ndarray, FreeFloor, Placing]] = []
-        text = "drive: the base that carries the object is not free to leave or to arrive"
+        text = "drive: the base with the object collides where it leaves or arrives"
         for q in tucked[pick.is_free(holding, tucked)]:
             loaded = self._floor.loaded(now, q, self._carried(q, held))
             if not loaded.free(now[None])[0]:
@@ -255,7 +255,7 @@ class FarPlanner:
         self._grasps.spend(ROUTE)
         route = loaded.path(loaded.stands(there.base, there.pedestal), self._seed)
         if route is None:
-            text = "drive: no free route of the base that carries the object was found"
+            text = "drive: no free path of the base with the object was found"
             place.search.misses.note(Miss(6, 0.0, text, there))
             return None
         holding = place.cell.holding(there.base, opened, held, self._pick.points)

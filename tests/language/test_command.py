@@ -44,7 +44,7 @@ def s2a(*arguments: str) -> int:
         (["open ../../etc/passwd"], "unknown"),
         (["open", "the", "drawer"], "quotation marks"),
         ([""], "empty"),
-        ([], "'sentence' has no value"),
+        ([], "give a sentence, such as"),
         (["sentense=open"], "sentense"),
         (["open the drawer", "scene=nowhere.usda"], "no such file"),
         (["open the drawer", "llm=replay"], "llm.answers=FILE"),

@@ -42,6 +42,7 @@ def context(room: SimRoom) -> RoomContext:
     [
         ("[", "cannot be read as YAML"),
         ("shut all", "expected the keys shut, on and in"),
+        ("shut: []", "has no relation"),
         ("open: all", "expected the keys shut, on and in"),
         ("shut: {drawer_2: 1}", "give a list of ids, or all"),
         ("shut: [cabinet_1]", "'cabinet_1' does not open here; what opens: drawer_2"),

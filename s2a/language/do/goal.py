@@ -60,6 +60,8 @@ def read(file: Path, facts: Facts) -> tuple[Condition, ...]:
         if not isinstance(pairs, dict):
             raise InputError(f"goal {file}, key {name!r}: is {pairs!r}; give object: id")
         relations += [Condition(name, str(one), str(other)) for one, other in pairs.items()]
+    if not relations:
+        raise InputError(f"goal {file}: has no relation; give shut: all, or 'on: {{cup_3: shelf_7}}'")
     placed = [each.subject for each in relations if each.name != "shut"]
     for each in relations:
         _check(each, facts, f"goal {file}")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from drawer_room import drawer_room
 from nested_room import INNER, nested_room, quick
-from settings import skills
 
 from s2a.commands import cli
 from s2a.core.errors import InputError
@@ -25,16 +24,6 @@ SHUT, PLACED = Condition("shut", "drawer_2"), Condition("on", "cube_9", "cabinet
 OPEN = RoomChange({"drawer_2": 0.2})
 ON_FLOOR, ON_CUBE = (1.0, 1.5, 0.02, 0.0, 0.0, 0.0, 1.0), (0.0, 0.3, 0.875, 0.0, 0.0, 0.0, 1.0)
 ON_CABINET = (0.2, 0.1, 0.822, 0.0, 0.0, 0.0, 1.0)
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> SimRoom:
-    return drawer_room(tmp_path_factory.mktemp("room") / "sim.usda")
-
-
-@pytest.fixture(scope="module")
-def context(room: SimRoom) -> RoomContext:
-    return RoomContext(room, None, "panda", 0.3, skills())
 
 
 @pytest.mark.parametrize(
@@ -107,6 +96,15 @@ def test_an_object_is_on_what_is_directly_below_it(
         context, RoomChange({}, {"cube_9": pose}), *[Outcome(False, "", RoomChange({}, {"cube_9": pose}))] * 2
     )
     assert (unmet == {}) == expected
+
+
+@pytest.mark.parametrize(("x", "z", "expected"), [(0.2, 0.69, True), (0.32, 0.95, False)])  # on its floor; on its front
+def test_an_object_on_the_edge_of_a_drawers_front_is_not_in_it(
+    room: SimRoom, x: float, z: float, expected: bool
+) -> None:
+    there = at_state(room, RoomChange({"drawer_2": 0.2}, {"cube_9": (x + 0.2, 0.0, z, 0.0, 0.0, 0.0, 1.0)}))
+    facts = gather(there, None, {"drawer_2": 0.2}, "panda")
+    assert facts["cube_9"].on == "drawer_2" and holds(Condition("in", "cube_9", "drawer_2"), facts) == expected
 
 
 def test_a_part_is_shut_up_to_two_centimetres(room: SimRoom) -> None:

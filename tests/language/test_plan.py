@@ -52,16 +52,6 @@ class Model:
         return Answer(self.answers[min(len(self.asked), len(self.answers)) - 1], "test")
 
 
-@pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> SimRoom:
-    return drawer_room(tmp_path_factory.mktemp("room") / "sim.usda")
-
-
-@pytest.fixture(scope="module")
-def context(room: SimRoom) -> RoomContext:
-    return RoomContext(room, None, "panda", 0.3, skills())
-
-
 def feedback(context: RoomContext, answer: str, state: RoomChange | None = None) -> str:
     """Return what goes back to a model that gives an answer; empty where it is accepted."""
     model = Model(answer, NO)

@@ -193,10 +193,10 @@ def _executor(config: Config, room: sim_stage.SimRoom) -> Any:
 def _record(config: Config, sentence: str, result: Result, usage: UsageLog) -> dict[str, Any]:
     """Return what is written."""
     return {
-        "sentence": sentence,
+        "sentence": sentence or None,
         "stage": str(config.stage),
         "scene": str(config.scene) if config.scene else None,
-        "llm": kind_of(config.llm),
+        "llm": kind_of(config.llm) if sentence else None,
         "seed": config.seed,
         "robot": config.robot.name,
         "done": not result.problem and bool(result.skills),

@@ -19,10 +19,9 @@ from s2a.language.do.plan import Skill, SkillPlan
 from s2a.language.do.run import SHUT, Checker, Execute, Result, RoomContext
 from s2a.robot.tool_path import matrix, opening_coordinate
 from s2a.scene.articulation import transform
-from s2a.scene.usd.sim_scene import SimRoom
+from s2a.scene.usd.sim_scene import ALL, SimRoom
 from s2a.tasks.base import Task
 
-ALL = "all"  # Instead of a list of ids: every part that moves
 ATTEMPTS = 2  # Skills for one relation
 TAKES = {"shut": ("part",), "on": ("object", "support"), "in": ("object", "part")}  # By a skill of each relation
 
@@ -101,12 +100,18 @@ def _check(relation: Condition, facts: Facts, where: str) -> None:
 def holds(relation: Condition, facts: Facts) -> bool:
     """Return True for a relation that a room satisfies as it stands.
 
-    A part is shut up to 2 cm; an object is on, or in, what has the highest surface below its middle.
+    A part is shut up to 2 cm; an object is on, or in, what has the highest surface below its middle, and in a part with its
+    middle no higher than that: not on the edge of a drawer's front.
     """
     thing = facts[relation.subject]
     if relation.name == "shut":
         return abs(thing.open) <= SHUT
-    return thing.on == relation.target
+    return thing.on == relation.target and (relation.name == "on" or _within(thing, facts[relation.target]))
+
+
+def _within(thing: RoomPart, part: RoomPart) -> bool:
+    """Return True if the middle of an object is no higher than a part."""
+    return bool(thing.center and part.center and part.size and thing.center[2] <= part.center[2] + part.size[2] / 2)
 
 
 def opened(room: SimRoom, parts: Sequence[str], opening: float) -> RoomChange:
@@ -148,15 +153,13 @@ def pursue(context: RoomContext, goal: Sequence[Condition], execute: Execute, st
         room = episode.at_state(context.room, state)
         facts = fact.gather(room, context.described, episode.opened_by(context.room, state), context.robot)
         left = [each for each in goal if not holds(each, facts)]
-        chosen = None
+        check, chosen = Checker(context, room, facts), None
         for each in sorted(left, key=lambda one: (one.name != "shut", _distance(facts[one.subject], last))):
             if attempts[each] == ATTEMPTS or each in waits:
                 continue
             try:
                 skill = _skill(each, context.skills)
-                plan = SkillPlan((skill,), None, "", ())
-                check = Checker(context, room, facts)
-                check(plan)
+                check(SkillPlan((skill,), None, "", ()))
             except (ValidationFeedback, InputError) as error:
                 reasons[each] = str(error).rstrip(".")
                 continue
